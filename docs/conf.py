@@ -149,8 +149,8 @@ def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
     """Replace links to files of the repository by links to their pages, and links to folders by text."""
     page = DOCS / f"{name}.md"
     origin = page
-    for path, place in INCLUDED.items():
-        if DOCS / place == page:
+    for path, page_name in INCLUDED.items():
+        if DOCS / page_name == page:
             origin = DOCS.parent / path
             source[0] = origin.read_text(encoding="utf-8")
 
@@ -159,41 +159,41 @@ def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
         if "://" in target:
             return match.group()
         path = (origin.parent / target).resolve()
-        place = str(path.relative_to(DOCS.parent)) if path.is_relative_to(DOCS.parent) else ""
+        page_name = str(path.relative_to(DOCS.parent)) if path.is_relative_to(DOCS.parent) else ""
         if path.is_dir():
             return text
-        to = DOCS / INCLUDED[place] if place in INCLUDED else path
+        to = DOCS / INCLUDED[page_name] if page_name in INCLUDED else path
         return f"[{text}]({os.path.relpath(to, page.parent)}{anchor or ''})"
 
     source[0] = re.sub(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)]*)?\)", inside, source[0])
 
 
-def _document_fields(_: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]) -> None:
+def _document_fields(_: Any, kind: str, __: str, documented: Any, ___: Any, lines: list[str]) -> None:
     """Add the comments of the fields of a record as their documentation."""
-    if what != "class" or not (dataclasses.is_dataclass(thing) or hasattr(thing, "_fields")):
+    if kind != "class" or not (dataclasses.is_dataclass(documented) or hasattr(documented, "_fields")):
         return
     if any(line.startswith((":ivar", ".. attribute")) for line in lines):
         return
     try:
-        found = list(declared.fields_of(thing))
+        found = list(declared.fields_of(documented))
     except (OSError, TypeError):  # no source
         return
-    told = [f":ivar {name}: {meaning}" for name, _type, meaning in found if meaning]
-    lines += ["", *told, ""] if told else []
+    comments = [f":ivar {name}: {meaning}" for name, _type, meaning in found if meaning]
+    lines += ["", *comments, ""] if comments else []
 
 
-def _strip_ranges(_: Any, thing: Any, __: bool) -> None:
+def _strip_ranges(_: Any, documented: Any, __: bool) -> None:
     """Reduce signatures to the types of parameters; units and ranges are on the page of keys."""
-    if inspect.isfunction(thing):
+    if inspect.isfunction(documented):
         with contextlib.suppress(NameError, TypeError):
-            thing.__annotations__ = typing.get_type_hints(thing)
+            documented.__annotations__ = typing.get_type_hints(documented)
 
 
 def _hide_enum_signatures(
-    _: Any, what: str, __: str, thing: Any, ___: Any, signature: str, returned: str
+    _: Any, kind: str, __: str, documented: Any, ___: Any, signature: str, returned: str
 ) -> tuple[str, str | None]:
     """Remove the signature of enumerations, because users do not create members."""
-    enumeration = what == "class" and issubclass(thing, enum.Enum)
+    enumeration = kind == "class" and issubclass(documented, enum.Enum)
     return ("", None) if enumeration else (signature, returned)
 
 

@@ -23,15 +23,23 @@ class NotInstalled(Exception):
 
 
 def fields(path: str) -> list[dict[str, Any]]:
-    """Return the fields of a dataclass or named tuple with their comments."""
+    """Return the fields of a dataclass or named tuple with their comments.
+
+    Raises:
+        ValueError: If a field has no comment.
+    """
     module, _, name = path.rpartition(".")
+    found = list(fields_of(getattr(importlib.import_module(module), name)))
+    bare = [field for field, _kind, meaning in found if not meaning]
+    if bare:
+        raise ValueError(f"{path}: no comment next to or above {', '.join(bare)}")
     return [
         {
             "field": f"`{field}`",
             "type": f"`{kind}`".replace("|", "\\|"),
             "meaning": meaning.replace("|", "or"),
         }
-        for field, kind, meaning in fields_of(getattr(importlib.import_module(module), name))
+        for field, kind, meaning in found
     ]
 
 
@@ -150,15 +158,15 @@ def _command(name: str, parser: argparse.ArgumentParser, level: str) -> Iterator
 
 
 def _usage(action: argparse.Action) -> str:
-    what = action.metavar or ("" if action.nargs == 0 else (action.dest if action.option_strings else ""))
-    if isinstance(what, tuple):
-        what = " ".join(what)
+    values = action.metavar or ("" if action.nargs == 0 else (action.dest if action.option_strings else ""))
+    if isinstance(values, tuple):
+        values = " ".join(values)
     if action.choices is not None and action.metavar is None:
-        what = "{" + ",".join(map(str, action.choices)) + "}"
+        values = "{" + ",".join(map(str, action.choices)) + "}"
     elif not action.option_strings:
-        what = str(action.metavar or action.dest)
+        values = str(action.metavar or action.dest)
     name = ", ".join(action.option_strings)
-    text = f"{name} {what}".strip()
+    text = f"{name} {values}".strip()
     return f"`{text}`".replace("|", "\\|")
 
 
@@ -180,9 +188,9 @@ def licences(extra: str) -> list[dict[str, Any]]:
         extra: ``package``, an extra, or ``closure`` for the indirect requirements of the package.
     """
     direct = {_name(text) for text in _requirements("package" if extra == "closure" else extra)}
-    wanted = _closure(direct) - direct if extra == "closure" else direct
+    names = _closure(direct) - direct if extra == "closure" else direct
     rows = []
-    for name in sorted(wanted):
+    for name in sorted(names):
         try:
             rows.append({"package": f"`{name}`", "licence": licence_of(metadata.metadata(name))})
         except metadata.PackageNotFoundError:

@@ -13,6 +13,8 @@ mappings with the same keys is quoted as
     <!-- / -->
 
 ``<!-- columns ENERGY+MONITOR -->`` is a table of columns that ``twin_gait.simulation.log`` declares,
+``<!-- names treadmill,interface=brace+overground -->`` a list of the full names of the columns in the logs of
+some experiments,
 ``<!-- labels duration_s+wall_s -->`` a table of the labels of keys of a summary,
 ``<!-- signals battery -->`` a table of the signals of a message in ``urdf/twin.dbc``,
 ``<!-- keys plant.battery -->`` a table of the keys of a section of an experiment file or a gait table,
@@ -45,20 +47,20 @@ sys.path.insert(0, str(DOCS))
 import declared  # noqa: E402 -- beside this file
 
 _WORD = r"(?: ((?!-->)\S+))?"
-_KINDS = "value|table|columns|labels|signals|keys|fields|assumptions|rules|commands|licences"
+_KINDS = "value|table|columns|names|labels|signals|keys|fields|assumptions|rules|commands|licences"
 QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
 @cache
 def read_results(name: str) -> Any:
     """Return the stored results of the full form of a script."""
-    places = [
+    paths = [
         DOCS.parent / folder / "results" / name / "results.json" for folder in ("examples", "benchmarks")
     ]
-    there = [path for path in places if path.is_file()]
-    if not there:
+    present = [path for path in paths if path.is_file()]
+    if not present:
         raise ValueError(f"{name}: no results are kept; run the script")
-    found = json.loads(there[0].read_text(encoding="utf-8"))
+    found = json.loads(present[0].read_text(encoding="utf-8"))
     if found["quick"]:
         raise ValueError(f"{name}: its results are of the quick form; run the script without --quick")
     return found
@@ -92,7 +94,7 @@ def columns(kinds: str) -> list[dict[str, Any]]:
             "column": f"`{name}`",
             "name": label_of(name).name,
             "symbol": label_of(name).symbol,
-            "unit": log.unit_of(name).replace(" ", "·"),
+            "unit": log.unit_of(name),
             "meaning": meaning,
         }
         for kind in kinds.split("+")
@@ -199,8 +201,22 @@ def _classes(hint: Any) -> Iterator[Any]:
         yield from _classes(inner)
 
 
+def names(experiments: str) -> str:
+    """Return the full names of the columns in the logs of some experiments, each a preset with settings."""
+    from twin_gait import load_experiment
+    from twin_gait.simulation.log import log_layout
+    from twin_gait.simulation.simulation_setup import build_setup
+
+    found: dict[str, None] = {}
+    for preset, *settings in (item.split(",") for item in experiments.split("+")):
+        setup = build_setup(load_experiment(preset, settings).experiment)
+        found |= dict.fromkeys(("time_s", *log_layout(setup).names))
+    return ", ".join(f"`{name}`" for name in found)
+
+
 MAKERS: dict[str, Callable[[str], list[dict[str, Any]] | str]] = {
     "columns": columns,
+    "names": names,
     "labels": labels,
     "signals": signals,
     "keys": keys,
@@ -228,11 +244,11 @@ def insert_results(page: str, *, licences: bool = True) -> str:
             text = format(find_entry(name, key), spec or "")
         else:
             try:
-                made = MAKERS[kind](name) if kind in MAKERS else find_entry(name, key)
+                content = MAKERS[kind](name) if kind in MAKERS else find_entry(name, key)
             except declared.NotInstalled as error:  # an extra that is not installed
                 print(f"the licences of {name} stay as they are: {error}", file=sys.stderr)
                 return match.group()
-            text = f"\n{made if isinstance(made, str) else format_markdown_table(made)}\n"
+            text = f"\n{content if isinstance(content, str) else format_markdown_table(content)}\n"
         return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
 
     return QUOTED.sub(current, page)

@@ -36,7 +36,7 @@ from twin_gait.report.canvas import put_legend, save, style_panel
 GUIDES = ("vertical", "harness")
 TABLES = ("treadmill", "treadmill_pre_swing")
 GOALS = Goals(1.2, 0.7, 0.4, 5.0, 9.0, 3.0, 10.0)
-DREAMS = Goals(1.1, 0.8, 0.4, 0.0, 4.0, 7.0, 15.0)
+AMBITIOUS = Goals(1.1, 0.8, 0.4, 0.0, 4.0, 7.0, 15.0)
 Rows = list[tuple[dict[str, Any], Run]]  # measures of walks, with their runs
 WORDS = {
     "peak": "peak ≤ 1.2",
@@ -52,12 +52,12 @@ LEAST = 0.003  # weight of the effort at which walks are compared
 INTERVALS, FEW_INTERVALS = 50, 30
 # Possible changes, with all goals: name, settings, stride time in [s] (None: that of the reference).
 CHANGES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
-    ("motors of 90 N m", ("control.limits.torque_Nm=90",), None),
+    ("motors of 90 N·m", ("control.limits.torque_Nm=90",), None),
     ("no friction", ("plant.friction_ratio.hip=0", "plant.friction_ratio.knee=0"), None),
     ("gears without losses", tuple(f"plant.actuators.{j}.gear_efficiency=1" for j in ("hip", "knee")), None),
     ("orthosis slack at a right angle", ("plant.ankle.rest_deg=0",), None),
     (
-        "orthosis of 200 N m/rad, slack at a right angle",
+        "orthosis of 200 N·m/rad, slack at a right angle",
         ("plant.ankle.stiffness_Nm_per_rad=200", "plant.ankle.rest_deg=0"),
         None,
     ),
@@ -126,8 +126,8 @@ def cycles_of(run: Run, column: str) -> np.ndarray:
 
 # %%
 def search_of(settings: Sequence[str], intervals: int, stride: float | None = None) -> Search:
-    told = [*settings, "engine=pinocchio", "control.safety.enabled=false"]
-    return Search(load_experiment("treadmill", told).experiment, intervals, stride)
+    all_settings = [*settings, "engine=pinocchio", "control.safety.enabled=false"]
+    return Search(load_experiment("treadmill", all_settings).experiment, intervals, stride)
 
 
 def row_of(walk: Walk, name: str) -> tuple[dict[str, Any], Run]:
@@ -151,7 +151,7 @@ def swept(
     walks: dict[float, Walk] = {}
     for weight in weights:
         if walks:
-            guesses = [walks[min(walks, key=lambda known: abs(math.log(known / weight)))].unknowns]
+            guesses = [walks[min(walks, key=lambda solved: abs(math.log(solved / weight)))].unknowns]
         tried = (search.solve(guess, weight, goals) for guess in guesses)
         found = next((walk for walk in tried if walk.succeeded), None)
         if found is None:
@@ -180,7 +180,7 @@ def draw(sweeps: dict[str, Rows], tables: list[tuple[str, dict[str, Any], Run]])
         label = f"table {name}"
         panels[0, 0].plot(row["torque_Nm"], row["error_deg"], mark, color=colour, mfc=filled, label=label)
     style_panel(panels[0, 0], "error over effort", "RMSE of hip and knee [deg]")
-    panels[0, 0].set(xlabel="RMS torque of the four motors [N m]", ylim=(0.0, None))
+    panels[0, 0].set(xlabel="RMS torque of the four motors [N·m]", ylim=(0.0, None))
     harness = [item for item in tables if guided(item[2]) == GUIDES[1]] or tables
     lines = [(name, found[-1][1], colours[name]) for name, found in sweeps.items()][-2:]
     lines.append((f"table {harness[0][0]}", harness[0][2], VERMILLION))
@@ -230,7 +230,7 @@ def line_of(row: dict[str, Any]) -> dict[str, str]:
     return {
         "walk": row["walk"],
         "RMSE hip / knee [°]": f"{row['hip_deg']:.1f} / {row['knee_deg']:.1f}",
-        "RMS torque [N m]": f"{row['torque_Nm']:.0f}",
+        "RMS torque [N·m]": f"{row['torque_Nm']:.0f}",
         "battery [W]": f"{row['battery_W']:.0f}",
         "peak / trough / 6–20 %": f"{row['peak']:.2f} / {row['trough']:.2f} / {row['loading']:.2f}",
         "fore-aft [N]": f"{row['forward_N']:+.0f}",
@@ -244,7 +244,7 @@ def gap_of(name: str, row: dict[str, Any], guide: str, sweeps: dict[str, Rows]) 
     line = {
         "table": name,
         "error [°]": f"{row['error_deg']:.1f}",
-        "RMS torque [N m]": f"{row['torque_Nm']:.0f}",
+        "RMS torque [N·m]": f"{row['torque_Nm']:.0f}",
     }
     for words in ("nothing else", "all goals"):
         found = pd.DataFrame([item for item, _ in sweeps.get(f"{guide}, {words}", [])])
@@ -287,9 +287,13 @@ if __name__ == "__main__":
     sweeps[name], best = swept(search, GOALS, [free.unknowns, *starts], name, weights)
     if not form.quick:
         alone = {words: NOTHING._replace(**{key: getattr(GOALS, key)}) for key, words in WORDS.items()}
-        asked = {**alone, "all but the clearance": GOALS._replace(clearance_mm=-np.inf), "dreams": DREAMS}
+        variants = {
+            **alone,
+            "all but the clearance": GOALS._replace(clearance_mm=-np.inf),
+            "dreams": AMBITIOUS,
+        }
         prices += [
-            row_of(search.solve(free.unknowns, LEAST, item), words)[0] for words, item in asked.items()
+            row_of(search.solve(free.unknowns, LEAST, item), words)[0] for words, item in variants.items()
         ]
         for words, settings, stride in CHANGES:
             changed = search_of(settings_of(guide, *settings), intervals, stride)

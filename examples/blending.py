@@ -114,10 +114,10 @@ def switch_effects(run: Run) -> pd.DataFrame:
     blending, log, rows = run.experiment.table.blending, run.log, []
     length = blending.duration_ticks if blending.law is not BlendingLaw.NONE else 0
     for side in run.sides:
-        mine = [item for item in run.switches if item.side is side and 0 < item.tick < len(log)]
-        ends = [item.tick for item in mine[1:]] + [len(log)]  # the next switch ends a blend
-        for switch, joint in itertools.product(range(len(mine)), JOINTS):
-            tick, source, target = mine[switch].tick, mine[switch].source, mine[switch].target
+        switches = [item for item in run.switches if item.side is side and 0 < item.tick < len(log)]
+        ends = [item.tick for item in switches[1:]] + [len(log)]  # the next switch ends a blend
+        for switch, joint in itertools.product(range(len(switches)), JOINTS):
+            tick, source, target = switches[switch].tick, switches[switch].source, switches[switch].target
             span = slice(tick - 1, min(tick + length + 1, ends[switch]))
             names = (
                 "motor_command_torque_Nm",
@@ -139,7 +139,7 @@ def switch_effects(run: Run) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def telling_switches(effects: dict[Blend, pd.DataFrame]) -> list[str]:
+def select_switches(effects: dict[Blend, pd.DataFrame]) -> list[str]:
     """Return the switch of largest torque change without a blend, and that which blends worsen most."""
     means = {blend: table.groupby("kind")["torque_change_Nm"].mean() for blend, table in effects.items()}
     first = means[BLENDS[0]]
@@ -155,7 +155,7 @@ def telling_switches(effects: dict[Blend, pd.DataFrame]) -> list[str]:
 # %%
 BEFORE, AFTER = 30, 170  # [ticks] around a switch
 PANELS = (
-    ("torque_jump_Nm", "torque jump within a tick", "N m"),
+    ("torque_jump_Nm", "torque jump within a tick", "N·m"),
     ("jerk_rms_rad_per_s3", "RMS jerk", "rad/s³"),
     ("switch_energy_J", "energy by switching, per stride", "J"),
     ("rmse_deg", "RMSE to the reference", "°"),
@@ -168,12 +168,12 @@ def draw(table: pd.DataFrame, runs: dict[Blend, Run], effects: dict[Blend, pd.Da
     """Draw the torque around two switches above, and the cost of each blending below."""
     figure = Figure(figsize=(11.0, 7.8), layout="constrained")
     figure.suptitle("Ways to blend, on the same walk", fontsize="large")
-    shown = telling_switches(effects)
+    shown = select_switches(effects)
     above, below = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
     for axes, kind in zip(above.subplots(1, max(1, len(shown)), squeeze=False)[0], shown, strict=False):
         for blend, run in runs.items():
             draw_trace(axes, run, effects[blend][effects[blend]["kind"] == kind], blend)
-        style_panel(axes, f"commanded torque: {kind}", "N m")
+        style_panel(axes, f"commanded torque: {kind}", "N·m")
         axes.set(xlabel="time since the switch [ms]", xlim=(-BEFORE, AFTER))
     for axes, (column, title, unit) in zip(below.subplots(1, len(PANELS)), PANELS, strict=True):
         for joint, (law, (line, marker)) in itertools.product(JOINTS, STYLES.items()):
@@ -217,8 +217,8 @@ def measure_handles() -> list[Line2D]:
 
 
 CELLS = {
-    "torque jump in a tick [N m]": ("torque_jump_Nm", 1.0, ".1f"),
-    "torque change over the blend [N m]": ("torque_change_Nm", 1.0, ".0f"),
+    "torque jump in a tick [N·m]": ("torque_jump_Nm", 1.0, ".1f"),
+    "torque change over the blend [N·m]": ("torque_change_Nm", 1.0, ".0f"),
     "RMS jerk [rad/s³]": ("jerk_rms_rad_per_s3", 1.0, ".0f"),
     "dimensionless jerk [10³]": ("jerk_dimensionless", 1e-3, ".0f"),
     "switching energy per stride [J]": ("switch_energy_J", 1.0, ".1f"),
@@ -248,8 +248,8 @@ def switch_rows(effects: pd.DataFrame) -> list[dict[str, str]]:
         {
             "switch": f"{name_to_words(row['from'])} to {name_to_words(row['to'])}",
             "joint": row["joint"],
-            "torque jump in a tick [N m]": f"{row['torque_jump_Nm']:.1f}",
-            "torque change [N m]": f"{row['torque_change_Nm']:.0f}",
+            "torque jump in a tick [N·m]": f"{row['torque_jump_Nm']:.1f}",
+            "torque change [N·m]": f"{row['torque_change_Nm']:.0f}",
             "energy [J]": f"{row['energy_J']:+.1f}",
         }
         for row in means.sort_values("joint", kind="stable").to_dict("records")

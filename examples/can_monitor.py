@@ -44,13 +44,13 @@ times, angles = [], []
 with can.Bus(GROUP, "udp_multicast", hop_limit=0, can_filters=filters) as bus:
     while now < FREE + 2.0:
         frame = bus.recv(60.0)
-        assert frame is not None, "nothing is heard"
-        heard = database.decode_message(frame.arbitration_id, frame.data)
+        assert frame is not None, "no frame was received"
+        decoded = database.decode_message(frame.arbitration_id, frame.data)
         if frame.arbitration_id == measurement.frame_id:
             times.append(now)
-            angles.append(heard["angle"])
+            angles.append(decoded["angle"])
         else:  # every 10 ms; repeating a command has no effect
-            now = heard["time"]
+            now = decoded["time"]
             control = "impedance_control" if DRAWN < now < FREE else "walk"
             data = command.encode({**wanted, "control": control})
             bus.send(can.Message(arbitration_id=command.frame_id, data=data, is_extended_id=False))

@@ -28,10 +28,10 @@ def walk_all(count: int, duration: float, workers: Workers) -> tuple[list[dict],
         settings = [f"table={table}", f"scenario.support.share={SUPPORT}", f"duration_s={duration}"]
         base = load_experiment("treadmill", settings).experiment
         for seed in SEEDS:
-            who = walkers(count, seed)
-            walks = simulate_batch(base, who, workers=workers)
+            people = walkers(count, seed)
+            walks = simulate_batch(base, people, workers=workers)
             rows.append(cohort_row(table, seed, walks))
-            others += failures(table, seed, walks, who)
+            others += failures(table, seed, walks, people)
             print(rows[-1], flush=True)
     return rows, others
 

@@ -70,7 +70,7 @@ for name, run in walked.items():
     torque.plot(mean_stride(run, "knee_motor_torque_Nm"), color=COLOURS[name])
 torque.axhline(0.0, color=BLACK, linewidth=0.6)
 style_panel(angle, "flexion of the affected knee", "°")
-style_panel(torque, "motor torque of the affected knee", "N m")
+style_panel(torque, "motor torque of the affected knee", "N·m")
 for axes in (angle, torque):
     axes.set(xlabel="stride [%]", xlim=(0, 100))
 put_legend(figure, angle.lines)
@@ -86,7 +86,7 @@ for name, run in runs.items():
             "stride [s]": f"{side['stride_time_mean_s']:.2f}",
             "RMSE hip [°]": f"{side['rmse_hip_by_contact_deg']:.1f}",
             "RMSE knee [°]": f"{side['rmse_knee_by_contact_deg']:.1f}",
-            "RMS motor torque of the knee [N m]": f"{side['joints']['knee']['torque_rms_Nm']:.0f}",
+            "RMS motor torque of the knee [N·m]": f"{side['joints']['knee']['torque_rms_Nm']:.0f}",
         }
     rows.append(row)
 print(*rows, sep="\n")

@@ -58,7 +58,7 @@ class Goal:
     def rated(self, value: float) -> str:
         """Return the rating of a value as one word."""
         if self.best[0] <= value <= self.best[1]:
-            return "better than asked for"
+            return "better than required"
         return "met" if self.low <= value <= self.high else "missed"
 
 

@@ -27,7 +27,7 @@ EXAMPLE = "encoder_freeze:left_knee@4.2s"
 
 
 # %%
-def what_held(table: pd.DataFrame) -> dict:
+def count_invariants(table: pd.DataFrame) -> dict:
     """Count the runs in which the invariants hold."""
     tripped = table[table["cause"] != ""]
     return {
@@ -58,7 +58,7 @@ if __name__ == "__main__":
     form.write_results(
         {
             "outcomes": outcomes.to_dict("records"),
-            "held": what_held(table),
+            "held": count_invariants(table),
             "limits": {"torque_Nm": limits.torque, "current_A": limits.current},
             "safety": asdict(safety),
             "reaction_ms": {str(cause): 1e3 * stated_reaction(cause, safety) for cause in TripCause},

@@ -147,15 +147,15 @@ def numbers_of(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         "breakaway_torque_Nm": BREAKAWAY_RATIO * TABLE[JointName.KNEE].coulomb_friction,
     }
     for name, key in ((STATIC, "static"), (LUGRE, "lugre")):
-        mine = runs[name]
-        velocity = mine["dragged"].log["right_knee_velocity_rad_per_s"].to_numpy()
+        run_by_name = runs[name]
+        velocity = run_by_name["dragged"].log["right_knee_velocity_rad_per_s"].to_numpy()
         slips = velocity > 5.0 * DEGREE
-        fell = knee(mine["let_go"])[1]
+        fell = knee(run_by_name["let_go"])[1]
         found[key] = {
-            "loop_energies_mJ": [loop_energy(run) for run in mine["swayed"]],
-            "largest_friction_Nm": float(knee(mine["dragged"])[2].max()),
+            "loop_energies_mJ": [loop_energy(run) for run in run_by_name["swayed"]],
+            "largest_friction_Nm": float(knee(run_by_name["dragged"])[2].max()),
             "slips": int(np.sum(slips[1:] & ~slips[:-1])),
-            "let_go_s": float(mine["let_go"].log["time_s"].iloc[-1]),
+            "let_go_s": float(run_by_name["let_go"].log["time_s"].iloc[-1]),
             "let_go_way_deg": float(np.abs(fell).max()),
             "let_go_way_in_the_second_half_deg": float(np.ptp(fell[len(fell) // 2 :])),
         }
@@ -170,15 +170,15 @@ def numbers_of(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
 def draw(runs: Mapping[str, Mapping[str, Any]]) -> Figure:
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
     steady, loops, drag, hang = figure.subplots(2, 2).ravel()
-    for name, mine in runs.items():
+    for name, run_by_name in runs.items():
         look = {"color": COLOURS[name], "linewidth": 1.4}
         draw_steady(steady, LAWS[name][JointName.KNEE], look)
-        for run in mine["swayed"]:
+        for run in run_by_name["swayed"]:
             _, way, friction = knee(run)
             loops.plot(way, friction, **look)
-        time, way, _ = knee(mine["dragged"])
+        time, way, _ = knee(run_by_name["dragged"])
         drag.plot(time, way, **look)
-        time, way, _ = knee(mine["let_go"])
+        time, way, _ = knee(run_by_name["let_go"])
         hang.plot(time, way, **look)
     drag.plot(
         time_of := knee(runs[LUGRE]["dragged"])[0],
@@ -187,9 +187,9 @@ def draw(runs: Mapping[str, Mapping[str, Any]]) -> Figure:
         linestyle="--",
         linewidth=1.0,
     )
-    style_panel(steady, "steady sliding", "friction [N m]")
+    style_panel(steady, "steady sliding", "friction [N·m]")
     steady.set(xlabel="velocity [rad/s]", ylim=(0.0, None))
-    style_panel(loops, "a hand moves the knee to and fro: by 0.1, 0.3 and 1°", "friction [N m]")
+    style_panel(loops, "a hand moves the knee to and fro: by 0.1, 0.3 and 1°", "friction [N·m]")
     loops.set(xlabel="way of the knee [°]")
     style_panel(drag, "a weak spring drags the knee along", "way of the knee [°]")
     drag.set(xlabel="time [s]")

@@ -86,9 +86,8 @@ def estimates(cycles: int, campaign: tuple[JointName, int]) -> dict[Processing, 
 def identified(logs: Sequence[Log], joint: JointName, processing: Processing) -> Estimate:
     """Identify logs, and return the parameters, their intervals and the warnings."""
     bench = BenchSetup(actuator=BENCH_ACTUATORS[joint])
-    how = processing
-    options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
-    result = identify_tests([process_log(log, bench, how) for log in logs], options)
+    options = IdentificationOptions(bench=bench, processing=processing, models=(LAW,), cross_validation=False)
+    result = identify_tests([process_log(log, bench, processing) for log in logs], options)
     (model,) = result.models
     values, names = model.fit.model.parameters(model.fit.x), true_parameters(joint)
     return Estimate(
@@ -151,13 +150,13 @@ if __name__ == "__main__":
     form = read_options("identification_coverage")
     count, cycles = (QUICK_CAMPAIGNS, QUICK_CYCLES) if form.quick else (CAMPAIGNS, CYCLES)
     joints = (JointName.KNEE,) if form.quick else (JointName.KNEE, JointName.HIP)
-    asked = [(joint, seed) for joint in joints for seed in range(count)]
-    found = run_jobs(partial(estimates, cycles), asked, workers=form.workers)
+    jobs = [(joint, seed) for joint in joints for seed in range(count)]
+    found = run_jobs(partial(estimates, cycles), jobs, workers=form.workers)
     tables, warned, rows = [], {}, {}
     for processing in PROCESSINGS:
         rows[str(processing)] = []
         for joint in joints:
-            mine = [item[processing] for place, item in zip(asked, found, strict=True) if place[0] is joint]
+            mine = [item[processing] for place, item in zip(jobs, found, strict=True) if place[0] is joint]
             table = coverage(joint, mine)
             tables.append(table.assign(joint=str(joint), processing=str(processing)))
             rows[str(processing)] += [row_of(joint, item) for item in table.itertuples()]

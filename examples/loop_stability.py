@@ -212,12 +212,12 @@ def row_of(result: Result) -> dict[str, Any]:
 
 def shown(result: Result) -> dict[str, str]:
     """Format a row for the page."""
-    cells = {"b [Nms/rad]": f"{result.case.damping:g}", "G": f"{result.case.gain:g}"}
+    cells = {"b [N·m·s/rad]": f"{result.case.damping:g}", "G": f"{result.case.gain:g}"}
     for velocity, radius, unstable in zip(VELOCITIES, result.radii, result.unstable, strict=True):
-        where = f"at ±{velocity:g} rad/s" if velocity else "at rest"
+        condition = f"at ±{velocity:g} rad/s" if velocity else "at rest"
         near = " (left out)" if abs(radius - 1.0) < UNDECIDED else ""
-        cells[f"spectral radius {where}"] = f"{radius:.4f}"
-        cells[f"linear run {where}"] = ("unstable" if unstable else "stable") + near
+        cells[f"spectral radius {condition}"] = f"{radius:.4f}"
+        cells[f"linear run {condition}"] = ("unstable" if unstable else "stable") + near
     cycles = result.ending is Ending.LIMIT_CYCLE
     amplitude = f", {math.degrees(result.amplitude):.2f}°" if cycles else ""
     return {**cells, "with friction": f"{result.ending}{amplitude}"}
@@ -241,7 +241,7 @@ def draw(results: Sequence[Result], samples: int = 33) -> Figure:
         for result in results:
             if result.case.stiffness == k:
                 draw_mark(axes, result)
-        axes.set_title(f"k = {math.radians(k):g} Nm/deg", fontsize="medium")
+        axes.set_title(f"k = {math.radians(k):g} N·m/deg", fontsize="medium")
         axes.set_yscale("function", functions=(np.sqrt, np.square))
         axes.set_yticks(DAMPINGS, [f"{value:g}" for value in DAMPINGS])
         axes.set(xlim=(-0.05, 1.07), ylim=(0.0, 1.35 * DAMPINGS[-1]))
@@ -249,7 +249,7 @@ def draw(results: Sequence[Result], samples: int = 33) -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("friction compensation gain G")
     for axes in panels[:, 0]:
-        axes.set_ylabel("b [Nms/rad]")
+        axes.set_ylabel("b [N·m·s/rad]")
     bar = figure.colorbar(filled, ax=panels, ticks=LEVELS[1:-1], pad=0.01, shrink=0.7)
     bar.set_label("spectral radius of 10 ms")
     marks = [
@@ -280,15 +280,15 @@ def mark(label: str, marker: str, edge: str, filling: str | None = None, size: f
 
 
 def draw_mark(axes: Axes, result: Result) -> None:
-    place = (result.case.gain, result.case.damping)
+    position = (result.case.gain, result.case.damping)
     point = mark("", *look(result.ending, VERMILLION if result.unstable[0] else BLUE))
-    point.set(xdata=place[:1], ydata=place[1:], clip_on=False, zorder=3)
+    point.set(xdata=position[:1], ydata=position[1:], clip_on=False, zorder=3)
     axes.add_line(point)
     if result.ending is Ending.LIMIT_CYCLE:
         degrees = math.degrees(result.amplitude)
         axes.annotate(
             f"{degrees:.0f}°" if degrees >= 9.95 else f"{degrees:.1f}°",
-            place,
+            position,
             xytext=(0, 7),
             textcoords="offset points",
             ha="center",

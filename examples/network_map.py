@@ -32,7 +32,7 @@ from twin_gait.palette import BLACK, BLUE, EVENT_COLOUR, VERMILLION
 from twin_gait.report.canvas import save, style_panel
 
 BOARD, CCU = "board", "ccu"
-PLACES = {BOARD: "springs on the boards", CCU: "springs on the CCU"}
+LOCATIONS = {BOARD: "springs on the boards", CCU: "springs on the CCU"}
 COLOURS = {BOARD: BLUE, CCU: VERMILLION}
 DELAYS = tuple(range(21))  # [ms]
 LOSSES = (0.0, 0.025, 0.05, 0.075, 0.1, 0.125, 0.15, 0.175, 0.2)
@@ -58,10 +58,10 @@ def outcome_map(
 ) -> pd.DataFrame:
     """Simulate a walk at every point and return outcome and error, with a row for each."""
     base = load_experiment("treadmill", ["network=can", f"duration_s={duration}"]).experiment
-    points = list(itertools.product(PLACES, delays, losses))
+    points = list(itertools.product(LOCATIONS, delays, losses))
     overrides = [
-        {"network.impedance": place, "network.delay_s": 1e-3 * delay, "network.loss": loss}
-        for place, delay, loss in points
+        {"network.impedance": location, "network.delay_s": 1e-3 * delay, "network.loss": loss}
+        for location, delay, loss in points
     ]
     table = simulate_batch(base, overrides, workers=workers)
     errors = table[[f"{side}_rmse_knee_by_contact_deg" for side in ("left", "right")]].mean(axis=1)
@@ -109,9 +109,9 @@ class Swing(NamedTuple):
     outcome: str
 
 
-def swing_of(place: str, delay: int, duration: float) -> Swing:
+def swing_of(location: str, delay: int, duration: float) -> Swing:
     """Simulate a walk without the monitor and return the swing of its knee."""
-    network = f"network={{impedance: {place}, delay_ms: {delay}}}"
+    network = f"network={{impedance: {location}, delay_ms: {delay}}}"
     settings = [network, f"duration_s={duration}", "control.safety.enabled=false"]
     run = simulate(load_experiment("treadmill", settings).experiment)
     angle, velocity = (
@@ -119,8 +119,8 @@ def swing_of(place: str, delay: int, duration: float) -> Swing:
     )
     distance = 0.5 / run.experiment.control.safety.stopping_deceleration
     stop = float((angle + distance * velocity * np.abs(velocity)).min())
-    trip = 0.0 if place == BOARD else round_trip(run)
-    return Swing(place, delay, trip, -float(velocity.min()), stop, run.verdict.outcome or "")
+    trip = 0.0 if location == BOARD else round_trip(run)
+    return Swing(location, delay, trip, -float(velocity.min()), stop, run.verdict.outcome or "")
 
 
 def round_trip(run: Run) -> float:
@@ -171,8 +171,8 @@ def draw(walks: pd.DataFrame, swings: Sequence[Swing], linear: Sequence[float]) 
     axes = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.1))
     walked = walks[walks["outcome"] == WALKED]["rmse_knee_deg"]
     scale = Normalize(walked.min(), walked.max()) if walked.notna().any() else Normalize(0.0, 1.0)
-    for panel, (place, words) in zip(axes[:2], PLACES.items(), strict=True):
-        block = walks[walks["springs"] == place]
+    for panel, (location, words) in zip(axes[:2], LOCATIONS.items(), strict=True):
+        block = walks[walks["springs"] == location]
         errors = block.assign(shown=block["rmse_knee_deg"].where(block["outcome"] == WALKED))
         grid = errors.pivot(index="loss", columns="delay_ms", values="shown")
         drawn = panel.pcolormesh(
@@ -184,10 +184,10 @@ def draw(walks: pd.DataFrame, swings: Sequence[Swing], linear: Sequence[float]) 
         panel.set_xlabel("further delay [ms]")
     figure.colorbar(drawn, ax=axes[1], label="RMSE of the knee [°]; ×: held")
     panel, start = axes[2], swings[0].speed
-    for place, words in PLACES.items():
-        mine = [item for item in swings if item.place == place]
-        delays, speeds = [item.delay for item in mine], [item.speed / start for item in mine]
-        panel.plot(delays, speeds, "o", color=COLOURS[place], label=f"{words}, simulated")
+    for location, words in LOCATIONS.items():
+        of_location = [item for item in swings if item.place == location]
+        delays, speeds = [item.delay for item in of_location], [item.speed / start for item in of_location]
+        panel.plot(delays, speeds, "o", color=COLOURS[location], label=f"{words}, simulated")
     panel.plot(delays, linear, color=BLACK, label="linear loop")
     style_panel(panel, "Highest speed of the swinging knee", "over that without delay")
     panel.set_xlabel("further delay [ms]")
@@ -203,7 +203,7 @@ if __name__ == "__main__":
     walks = outcome_map(delays, losses, duration, form.workers)
     walks.to_csv(form.out / "network_map.csv", index=False, lineterminator="\n")
     base = load_experiment("treadmill").experiment
-    swings = [swing_of(place, delay, duration) for place in PLACES for delay in delays]
+    swings = [swing_of(location, delay, duration) for location in LOCATIONS for delay in delays]
     late = [round(item.round_trip / 1e-3) for item in swings if item.place == CCU]
     linear = linear_speeds(base, late)
     save(draw(walks, swings, linear), form.out / "network_map.png", resolution=100)

@@ -57,15 +57,15 @@ def experiment(mass: float, height: float, trigger: str) -> Experiment:
 
 def time_to(run: Run, way: float) -> float | None:
     """Return the time at which the pelvis has moved a distance in [s]; None if it has not."""
-    place = run.log["pelvis_forward_m"].to_numpy()
-    there = np.flatnonzero(place - place[0] >= way)
-    return float(run.log["time_s"].iloc[there[0]]) if len(there) else None
+    position = run.log["pelvis_forward_m"].to_numpy()
+    arrived = np.flatnonzero(position - position[0] >= way)
+    return float(run.log["time_s"].iloc[arrived[0]]) if len(arrived) else None
 
 
 def row_of(mass: float, height: float, trigger: str, run: Run) -> dict[str, object]:
     """Return the results of one wearer as a row."""
-    there = time_to(run, WAY)
-    speed = None if there is None else WAY / (there - START)
+    arrival = time_to(run, WAY)
+    speed = None if arrival is None else WAY / (arrival - START)
     return {
         "mass [kg]": mass,
         "height [m]": height,

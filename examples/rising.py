@@ -31,7 +31,7 @@ class Motion(NamedTuple):
     """Motion from the seat or to the seat."""
 
     preset: str
-    asked: float  # time of its request in [s]
+    request_time: float  # time of its request in [s]
     name: str
 
 
@@ -60,13 +60,13 @@ PUBLISHED = {
     RISING.preset: (
         Mark("force / weight", 1.10, 1.25, "recalled: feet, peak"),
         Mark(
-            "extension torque [N m/kg]",
+            "extension torque [N·m/kg]",
             0.7,
             0.7,
             "published: hip, least without arms (Yoshioka 2007)",
         ),
         Mark(
-            "extension torque [N m/kg]",
+            "extension torque [N·m/kg]",
             0.9,
             0.9,
             "published: knee, least without arms (Yoshioka 2007)",
@@ -85,7 +85,7 @@ PUBLISHED = {
 # %%
 def run_of(motion: Motion, case: Case | None = None, share: float | None = None) -> Run:
     """Simulate a motion of one case with a limit for both arms together as a share of the weight."""
-    settings = [f"duration_s={motion.asked + HELD}"]
+    settings = [f"duration_s={motion.request_time + HELD}"]
     if case is not None:
         settings += [f"scenario.chair.height_m={case.seat}", *_person(case)]
     experiment = load_experiment(motion.preset, settings).experiment
@@ -110,9 +110,9 @@ def standing_height(run: Run) -> float:
 
 def arrival(run: Run, phase: str) -> int:
     """Return the row at which both legs enter a phase, or the number of rows if they do not."""
-    there = np.all([run.log[f"{side}_phase"].to_numpy() == phase for side in run.sides], axis=0)
-    came = np.flatnonzero(there[1:] & ~there[:-1]) + 1
-    return int(came[0]) if len(came) else len(there)
+    inside = np.all([run.log[f"{side}_phase"].to_numpy() == phase for side in run.sides], axis=0)
+    entries = np.flatnonzero(inside[1:] & ~inside[:-1]) + 1
+    return int(entries[0]) if len(entries) else len(inside)
 
 
 def at_stop(run: Run, rows: int) -> bool:
@@ -169,23 +169,26 @@ def least(enough: Callable[[float], bool], most: float, within: float) -> float 
 
 
 Reached = Callable[[Run], bool]
-ASKED: dict[Motion, dict[str, Reached]] = {RISING: {"rise": risen, "stay up": stays}, SITTING: {"sit": sits}}
+CRITERIA: dict[Motion, dict[str, Reached]] = {
+    RISING: {"rise": risen, "stay up": stays},
+    SITTING: {"sit": sits},
+}
 
 
 def columns_of(motion: Motion, case: Case) -> dict[str, str]:
     """Return the least limit of the arms, and their peak with the limit of the preset, in [%]."""
     free = run_of(motion, case)
     most = 2.0 * free.experiment.scenario.crutches.push_limit / free.body_weight
-    asked = ASKED[motion]
+    criteria = CRITERIA[motion]
 
     @cache
-    def fares(share: float) -> dict[str, bool]:
-        run = free if share == most else run_of(motion, case, share)
-        return {name: enough(run) for name, enough in asked.items()}
+    def results_with_limit(limit: float) -> dict[str, bool]:
+        run = free if limit == most else run_of(motion, case, limit)
+        return {name: enough(run) for name, enough in criteria.items()}
 
     found = {}
-    for name in asked:
-        share = least(lambda value, name=name: fares(value)[name], most, WITHIN)
+    for name in criteria:
+        share = least(lambda value, name=name: results_with_limit(value)[name], most, WITHIN)
         found[f"{name}: least [%]"] = "fails" if share is None else f"{100.0 * share:.0f}"
     found[f"{motion.name}: peak [%]"] = f"{100.0 * pushes(free)[during(motion, free)].max():.0f}"
     found[f"{motion.name}: ends"] = free.reason or "completed"
@@ -195,7 +198,7 @@ def columns_of(motion: Motion, case: Case) -> dict[str, str]:
 def during(motion: Motion, run: Run) -> slice:
     """Return the rows from the request until the person has risen, or has sat down and one second more."""
     phase = "upright" if motion is RISING else "sit"
-    return slice(round(motion.asked * 1000), arrival(run, phase) + 1000 * (motion is SITTING))
+    return slice(round(motion.request_time * 1000), arrival(run, phase) + 1000 * (motion is SITTING))
 
 
 def row_of(case: Case) -> dict[str, str]:
@@ -219,7 +222,7 @@ def curves_of(run: Run) -> dict[str, dict[str, np.ndarray]]:
         torques[str(joint)] = -0.5 * both * GRAVITY / weight
     return {
         "force / weight": {"seat": log["seat_force_N"].to_numpy() / weight, "feet": feet / weight},
-        "extension torque [N m/kg]": torques,
+        "extension torque [N·m/kg]": torques,
         "trunk pitch [°]": {"trunk": np.degrees(log["trunk_pitch_rad"].to_numpy())},
         "push of both arms / weight": {"arms": pushes(run)},
     }
@@ -231,7 +234,7 @@ def draw(runs: dict[Motion, Run]) -> plt.Figure:
     for column, (motion, run) in enumerate(runs.items()):
         axes[0, column].set_title(motion.name)
         axes[-1, column].set_xlabel("time [s]")
-        rows = slice(round(1000 * (motion.asked - 0.5)), None)
+        rows = slice(round(1000 * (motion.request_time - 0.5)), None)
         for axis, (panel, curves) in zip(axes[:, column], curves_of(run).items(), strict=True):
             for label, values in curves.items():
                 axis.plot(run.log["time_s"][rows], values[rows], label=label, linewidth=1.0)

@@ -90,8 +90,8 @@ def shipped_rows(names: list[str], changes: dict[str, Any]) -> list[dict[str, An
         rows.append(
             {
                 "preset": name,
-                "ideal encoders": f"{ideal['deviation_Nm']:.2f} N m",
-                "noise of 0.1 mrad": f"{noisy['deviation_Nm']:.2f} N m",
+                "ideal encoders": f"{ideal['deviation_Nm']:.2f} N·m",
+                "noise of 0.1 mrad": f"{noisy['deviation_Nm']:.2f} N·m",
             }
         )
     return rows

@@ -23,11 +23,11 @@ BRACE_FACTORS = (0.3, 0.5, 1.0, 3.0, 10.0)
 # %%
 if __name__ == "__main__":
     form = read_options("shipped_people")
-    who = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, PASSIVE_ALONE, *list_patients()]
+    people = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, PASSIVE_ALONE, *list_patients()]
     factors = (1.0,) if form.quick else BRACE_FACTORS
     long, short = (5.0, 5.0) if form.quick else (30.0, 20.0)
     with Workers(form.workers) as workers:
-        walks = run_jobs(partial(person_row, duration=long), who, workers=workers)
+        walks = run_jobs(partial(person_row, duration=long), people, workers=workers)
         braces = run_jobs(partial(brace_row, duration=short), factors, workers=workers)
     print(pd.DataFrame(walks).to_string(index=False))
     print(pd.DataFrame(braces).to_string(index=False))

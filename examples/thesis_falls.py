@@ -33,9 +33,9 @@ answers.add("fig_A_2", {"neutral_gain": neutral_gain()}, figures.draw_viscous_du
 # ## Figures B.1 to B.5: the falls for each weight
 
 # %%
-for place, mass in enumerate(MASSES):
-    picture = figures.draw_falls({each: falls_of(each) for each in MASSES}) if place == 0 else None
-    answers.add(f"fig_B_{place + 1}", fall_numbers(mass), picture)
+for index, mass in enumerate(MASSES):
+    picture = figures.draw_falls({each: falls_of(each) for each in MASSES}) if index == 0 else None
+    answers.add(f"fig_B_{index + 1}", fall_numbers(mass), picture)
 
 # %% [markdown]
 # ## Figure B.6: cause of the break-away of the shaken joint

@@ -63,9 +63,9 @@ if not form.quick:
 # %%
 if not form.quick:
     fits = {
-        (joint, place): fit_campaign(joint, protocol, processing)
+        (joint, index): fit_campaign(joint, protocol, processing)
         for joint in JOINTS
-        for place, (protocol, processing, *_) in enumerate(TREATMENTS)
+        for index, (protocol, processing, *_) in enumerate(TREATMENTS)
     }
     as_printed = fit_campaign(KNEE, DRIVEN, PROMPT, mass_as_printed=True)
     answers.add("table_3_1", table_numbers(fits, as_printed), figures.draw_table(fits))

@@ -24,13 +24,15 @@ QUICK = {"generations": 1, "search_duration": 1.0, "robust_duration": 1.0}
 # %%
 if __name__ == "__main__":
     form = read_options("tuned_cohort")
-    who = walkers(1 if form.quick else PEOPLE, SEED)
+    people = walkers(1 if form.quick else PEOPLE, SEED)
     settings = QUICK if form.quick else {"generations": GENERATIONS}
-    jobs = [Job(number, walker, settings) for number, walker in enumerate(who)]
+    jobs = [Job(number, walker, settings) for number, walker in enumerate(people)]
     with Workers(form.workers) as workers:
-        plain = simulate_batch(experiment_of({}), who, workers=workers)
+        plain = simulate_batch(experiment_of({}), people, workers=workers)
         tuned = pd.DataFrame(run_jobs(tuned_walk, jobs, workers=workers))
     rows = [cohort_row("treadmill, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
     print(pd.DataFrame(rows).to_string(index=False))
     version = twin_gait.__version__
-    form.write_results({"version": version, "generations": GENERATIONS, "people": len(who), "tunings": rows})
+    form.write_results(
+        {"version": version, "generations": GENERATIONS, "people": len(people), "tunings": rows}
+    )

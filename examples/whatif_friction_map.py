@@ -25,7 +25,7 @@ from whatif.figures import (
     draw_series,
     ending_handles,
     label_axes,
-    place_of,
+    position_of,
     simulated_and_predicted,
 )
 from whatif.friction import (
@@ -234,7 +234,7 @@ def draw_map(axes: Axes, rows: pd.DataFrame, title: str) -> None:
     draw_endings(axes, rows, "gain", "friction_ratio")
     gains, ratios = (sorted(rows[name].unique()) for name in ("gain", "friction_ratio"))
     s = np.linspace(ratios[0], ratios[-1], 50)
-    axes.plot(place_of(gains, s), place_of(ratios, s), color=BLACK, linewidth=1.2)
+    axes.plot(position_of(gains, s), position_of(ratios, s), color=BLACK, linewidth=1.2)
     growth = rows.pivot(index="friction_ratio", columns="gain", values="growth_rate_at_rest_per_s").to_numpy()
     if growth.min() < 0.0 < growth.max():
         axes.contour(growth, levels=[0.0], colors=BLACK, linestyles="--", linewidths=1.2)
@@ -256,7 +256,7 @@ def draw_cost(axes: Axes, costs: pd.DataFrame, column: str, title: str) -> None:
 
 def draw_limits(panels: np.ndarray, limits: pd.DataFrame) -> None:
     spring, law, load = (limits[limits["varied"] == varied] for varied in ("filter", "law", "load"))
-    springs = {value: f"{value:g} Nm/deg" if value else "no spring" for value in spring["spring_Nm_per_deg"]}
+    springs = {value: f"{value:g} N·m/deg" if value else "no spring" for value in spring["spring_Nm_per_deg"]}
     laws = {name: name for name in law["law"]}
     shares = {value: f"{value:.0%} of the load" for value in load["coulomb_per_load"]}
     ratio, gain = "least_torque_ratio", "linear_gain_at_rest"

@@ -24,7 +24,7 @@ from whatif.figures import (
     draw_endings,
     ending_handles,
     label_axes,
-    place_of,
+    position_of,
     simulated_and_predicted,
 )
 from whatif.inertia import Setting, Source, limit_row, noise_row, stability_row
@@ -132,8 +132,8 @@ def draw(table: pd.DataFrame, limits: pd.DataFrame, noise: pd.DataFrame) -> Figu
     rows = figure.subfigures(len(gears) + 1, 1, squeeze=False)[:, 0]
     for subfigure, gear in zip(rows, gears, strict=False):
         for axes, source in zip(subfigure.subplots(1, len(sources)), sources, strict=True):
-            mine = [part[(part["gear"] == gear) & (part["source"] == source)] for part in (table, limits)]
-            draw_map(axes, *mine)
+            selected = [part[(part["gear"] == gear) & (part["source"] == source)] for part in (table, limits)]
+            draw_map(axes, *selected)
             axes.set_title(f"{source}, {gear} gear", fontsize="medium")
     draw_numbers(rows[-1].subplots(1, 3), limits[~limits["held"]], noise, sources)
     edge = Line2D([], [], color=BLACK, label="linear loop: edge of stability (eigenvalues)")
@@ -146,9 +146,11 @@ def draw_map(axes: Axes, rows: pd.DataFrame, limits: pd.DataFrame) -> None:
     draw_endings(axes, rows, "mean_delay_ms", "share")
     shares = sorted(rows["share"].unique())
     held = limits[limits["held"]].sort_values("mean_delay_ms")
-    places = np.arange(len(held))
-    axes.plot(places, place_of(shares, held["largest_share"].to_numpy()), "o-", color=BLACK, markersize=3.5)
-    axes.set_xticks(places, [f"{value:.1f}" for value in held["mean_delay_ms"]])
+    positions = np.arange(len(held))
+    axes.plot(
+        positions, position_of(shares, held["largest_share"].to_numpy()), "o-", color=BLACK, markersize=3.5
+    )
+    axes.set_xticks(positions, [f"{value:.1f}" for value in held["mean_delay_ms"]])
     axes.set_ylim(-0.5, len(shares) - 0.5)
     axes.set(xlabel="mean delay of the acceleration [ms]", ylabel="share of the inertia")
 
@@ -163,14 +165,14 @@ def draw_numbers(panels: np.ndarray, free: pd.DataFrame, noise: pd.DataFrame, so
             panels[0].plot(
                 rows["mean_delay_ms"], rows["largest_share"], style, color=colour, marker=".", label=label
             )
-        mine = noise[noise["source"] == source]
-        at_share, once = mine[mine["share"] == share], mine[mine["noise_factor"] == 1.0]
+        selected = noise[noise["source"] == source]
+        at_share, once = selected[selected["share"] == share], selected[selected["noise_factor"] == 1.0]
         draw_lines(panels[1], at_share, "noise_factor", "torque_noise_Nm", "linear_torque_noise_Nm", colour)
         draw_lines(panels[2], once, "share", "apparent_inertia", "closed_apparent_inertia", colour)
     factors = " and ".join(f"{value:g}×" for value in sorted(noise["noise_factor"].unique()))
     shares = ", ".join(f"{value:g}" for value in sorted(noise["share"].unique()))
     style_panel(panels[0], "joint without a hand: largest stable share (dashed: compliant)", "share")
-    style_panel(panels[1], f"noise of the torque at a share of {share:g}, {factors} noise", "RMS [N m]")
+    style_panel(panels[1], f"noise of the torque at a share of {share:g}, {factors} noise", "RMS [N·m]")
     style_panel(panels[2], f"apparent inertia at 1 Hz, shares {shares}", "share of the true inertia")
     panels[0].set_ylim(0.0, 1.1)
     panels[1].set_yscale("log")
@@ -181,9 +183,9 @@ def draw_numbers(panels: np.ndarray, free: pd.DataFrame, noise: pd.DataFrame, so
 
 def draw_lines(axes: Axes, table: pd.DataFrame, by: str, simulated: str, predicted: str, colour: str) -> None:
     """Draw dots on lines, one line per value of a column, all of one colour and source."""
-    for place, (_, rows) in enumerate(table.groupby(by)):
+    for index, (_, rows) in enumerate(table.groupby(by)):
         rows = rows.sort_values("mean_delay_ms")
-        label = None if place else str(rows["source"].iloc[0])
+        label = None if index else str(rows["source"].iloc[0])
         axes.plot(rows["mean_delay_ms"], rows[predicted], color=colour, label=label)
         axes.plot(rows["mean_delay_ms"], rows[simulated], "o", color=colour, markersize=4.5)
 

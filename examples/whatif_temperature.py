@@ -76,8 +76,8 @@ def largest_safe_gain(table: pd.DataFrame) -> float:
 def numbers_of(table: pd.DataFrame, best: pd.DataFrame) -> dict[str, Any]:
     """Return the results of the model of 25 °C in cold and heat, the worst case, age, and largest load."""
     by_temperature = best[best["kind"] == "temperature"]
-    mine = by_temperature[by_temperature["identified_at_degC"] == REFERENCE_TEMPERATURE]
-    ends = mine.sort_values("temperature_degC").iloc[[0, -1]]
+    reference = by_temperature[by_temperature["identified_at_degC"] == REFERENCE_TEMPERATURE]
+    ends = reference.sort_values("temperature_degC").iloc[[0, -1]]
     tried = table[(table["kind"] == "temperature") & (table["identified_at_degC"] == REFERENCE_TEMPERATURE)]
     safe = largest_safe_gain(tried)
     left = tried[tried["gain"] == safe].set_index("temperature_degC")["hand_friction_Nm"]
@@ -140,9 +140,9 @@ def draw_left(axes: Axes, rows: pd.DataFrame) -> None:
     gains = [gain for gain in (0.0, 0.4, 0.8, 1.0, 1.2) if gain in set(rows["gain"])]
     for gain, colour in zip(gains, SERIES, strict=False):
         chosen = rows[rows["gain"] == gain].sort_values("temperature_degC")
-        places, values = chosen["temperature_degC"], chosen["hand_friction_Nm"]
-        axes.plot(places, values, "o-", color=colour, markersize=4, label=f"G = {gain:g}")
-    style_panel(axes, f"friction left, identified at {REFERENCE_TEMPERATURE:g} °C", "RMS [N m]")
+        positions, values = chosen["temperature_degC"], chosen["hand_friction_Nm"]
+        axes.plot(positions, values, "o-", color=colour, markersize=4, label=f"G = {gain:g}")
+    style_panel(axes, f"friction left, identified at {REFERENCE_TEMPERATURE:g} °C", "RMS [N·m]")
     axes.set_ylim(0.0, 1.25 * float(rows["hand_friction_Nm"].max()))  # space for the legend above the lines
     label_axes(axes, "true temperature [°C]", ncols=2, loc="upper right")
 
@@ -153,15 +153,15 @@ def draw_others(axes: Axes, rows: pd.DataFrame) -> None:
         f"friction × {row.ageing:g}" if row.kind == "age" else f"load {row.load_kg:g} kg"
         for row in rows.itertuples()
     ]
-    places = range(len(rows))
+    positions = range(len(rows))
     for simulated, closed, name, colour in (
         ("largest_resting_gain", "least_torque_ratio", "largest at rest", SERIES[0]),
         ("best_gain", "closed_best_gain", "least friction", SERIES[1]),
     ):
-        axes.plot(rows[closed], places, "|", color=colour, markersize=14, markeredgewidth=2)
-        axes.plot(rows[simulated], places, "o", color=colour, markersize=5, label=name)
+        axes.plot(rows[closed], positions, "|", color=colour, markersize=14, markeredgewidth=2)
+        axes.plot(rows[simulated], positions, "o", color=colour, markersize=5, label=name)
     axes.axvline(1.0, color=GREY, linewidth=0.8)
-    axes.set_yticks(list(places), labels)
+    axes.set_yticks(list(positions), labels)
     style_panel(axes, "age and load (bars: closed form)", "")
     label_axes(axes, "G")
 
@@ -169,10 +169,10 @@ def draw_others(axes: Axes, rows: pd.DataFrame) -> None:
 # %%
 if __name__ == "__main__":
     form = read_options("whatif_temperature")
-    asked = list(cases(quick=form.quick))
-    tried = [case._replace(gain=gain) for case in asked for gain in GAINS[:: 4 if form.quick else 1]]
+    base_cases = list(cases(quick=form.quick))
+    tried = [case._replace(gain=gain) for case in base_cases for gain in GAINS[:: 4 if form.quick else 1]]
     table = pd.DataFrame(run_jobs(case_row, tried, workers=form.workers))
-    best = pd.DataFrame(run_jobs(best_row, asked, workers=form.workers))
+    best = pd.DataFrame(run_jobs(best_row, base_cases, workers=form.workers))
     table.to_csv(form.out / "cases.csv", index=False)
     best.to_csv(form.out / "best.csv", index=False)
     save(draw(table, best), form.out / "temperature.png", resolution=80)

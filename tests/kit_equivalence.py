@@ -22,10 +22,10 @@ from twin_gait.testing.reference import Measurements, exit_indices, holds
 
 SAME = "nothing has changed: zero is zero in every unit"
 ONE_CONDITION = "a list of one condition: all and any are the same"
-SAME_GUARD = "no measurements tell the two guards apart"
+SAME_GUARD = "no measurements distinguish the two guards"
 SHADOWED = "where the guards differ, an exit listed above is taken"
 DEAD = "the exit can never be taken"
-LONG_OPEN = "a time-out is open from the entry on: the debounce is over before it"
+LONG_OPEN = "a timeout is open from the entry on: the debounce is over before it"
 OTHER_WAIT = "the exit waits as long for something else"
 NO_EXIT_SOONER = "no exit can be taken in the ticks that it changes"
 NEVER_BOTH = "the two, and those between them, are never due in one tick with different outcomes"

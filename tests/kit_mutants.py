@@ -109,16 +109,16 @@ def _timeouts(item: Transition) -> Changed:
     changes = {"never": MAX_TICKS, "at once": 1, "one tick sooner": time - 1, "one tick later": time + 1}
     for text, ticks in changes.items():
         if 1 <= ticks <= MAX_TICKS and ticks != time:
-            yield "time-out", text, replace(item, timeout_ticks=ticks)
+            yield "timeout", text, replace(item, timeout_ticks=ticks)
     if time * 1000 <= MAX_TICKS:
-        yield "unit", "time-out read in another unit", replace(item, timeout_ticks=time * 1000)
+        yield "unit", "timeout read in another unit", replace(item, timeout_ticks=time * 1000)
 
 
 def _orders(table: GaitTable) -> Iterator[Mutant]:
     for phase in table.phase_names:
         leaving = exit_indices(table, phase)
-        for place, first in enumerate(leaving):
-            for second in leaving[place + 1 :]:
+        for index, first in enumerate(leaving):
+            for second in leaving[index + 1 :]:
                 items = list(table.transitions)
                 items[first], items[second] = items[second], items[first]
                 text = f"{phase}: {items[second].cause} and {items[first].cause} change places"
@@ -149,9 +149,9 @@ def _guard_mutants(table: GaitTable, guard: Guard) -> Guards:
         yield from _membership_mutants(table, guard)
     else:
         yield from _list_mutants(guard)
-        for place, inner in enumerate(guard.guards):
+        for index, inner in enumerate(guard.guards):
             for kind, text, changed in _guard_mutants(table, inner):
-                items = (*guard.guards[:place], changed, *guard.guards[place + 1 :])
+                items = (*guard.guards[:index], changed, *guard.guards[index + 1 :])
                 yield kind, text, replace(guard, guards=items)
 
 
@@ -163,8 +163,8 @@ def _list_mutants(guard: AllOf | AnyOf) -> Guards:
         yield "all↔any", f"any of {text}", AnyOf(guards=guard.guards)
     else:
         yield "all↔any", f"all of {text}", AllOf(guards=guard.guards)
-    for place, inner in enumerate(guard.guards):
-        rest = guard.guards[:place] + guard.guards[place + 1 :]
+    for index, inner in enumerate(guard.guards):
+        rest = guard.guards[:index] + guard.guards[index + 1 :]
         if rest:
             yield "condition", f"{inner} is dropped", replace(guard, guards=rest)
 

@@ -113,15 +113,15 @@ class MujocoKernel:
         )
         data.xfrc_applied[:] = 0.0
         for body, point in zip(self._soles, points, strict=False):
-            place = data.xpos[body]
-            mujoco.mj_jac(model, data, jacobian, None, place, body)
+            point_position = data.xpos[body]
+            mujoco.mj_jac(model, data, jacobian, None, point_position, body)
             along, away = self._belt @ (jacobian @ data.qvel)[[0, 2]]
-            point.height = float(self._belt[1] @ place[[0, 2]])
+            point.height = float(self._belt[1] @ point_position[[0, 2]])
             friction, normal = ground_contact_force(ground, point.height, float(along), float(away))
             point.forward, point.upward = (self._belt.T @ [friction, normal]).tolist()
             power += float(friction * along + normal * away)
             force = np.array([point.forward, 0.0, point.upward])
-            data.xfrc_applied[body] = [*force, *np.cross(place - data.xipos[body], force)]
+            data.xfrc_applied[body] = [*force, *np.cross(point_position - data.xipos[body], force)]
         return power
 
     def observe(

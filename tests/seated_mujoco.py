@@ -36,10 +36,10 @@ def free_order(legs: mujoco.MjModel, model: Any) -> list[int]:
     if model.pitch_index is None:
         return mujoco_legs.coordinate_order(legs, model)
     guides = FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
-    places = dict(zip((model.forward_index, model.pelvis_index, model.pitch_index), guides, strict=True))
+    names = dict(zip((model.forward_index, model.pelvis_index, model.pitch_index), guides, strict=True))
     for side, leg in model.legs.items():
-        places |= {model.index(side, joint): name for joint, name in leg.items()}
-    return [int(legs.joint(places[index]).dofadr[0]) for index in range(model.nv)]
+        names |= {model.index(side, joint): name for joint, name in leg.items()}
+    return [int(legs.joint(names[index]).dofadr[0]) for index in range(model.nv)]
 
 
 class SeatedMujocoKernel(MujocoKernel):
@@ -68,21 +68,21 @@ class SeatedMujocoKernel(MujocoKernel):
         power += self._press(pelvis, below, (1.0 - share) * chair.stiffness)
         for thigh in self._thighs:
             local = [-chair.thigh_thickness, 0.0, -chair.thigh_position * self._femur]
-            place = data.xpos[thigh] + data.xmat[thigh].reshape(3, 3) @ local
-            power += self._press(thigh, place, 0.5 * share * chair.stiffness)
+            point = data.xpos[thigh] + data.xmat[thigh].reshape(3, 3) @ local
+            power += self._press(thigh, point, 0.5 * share * chair.stiffness)
         a[:] = self._legs.accelerate(torque, rotors).tolist()
         return power
 
-    def _press(self, body: int, place: np.ndarray, stiffness: float) -> float:
+    def _press(self, body: int, point: np.ndarray, stiffness: float) -> float:
         """Apply the force of the seat to a point of a body; return its power in [W]."""
         chair, model, data = self._chair, self._legs.model, self._legs.data
         jacobian = np.zeros((3, model.nv))
-        mujoco.mj_jac(model, data, jacobian, None, place, body)
+        mujoco.mj_jac(model, data, jacobian, None, point, body)
         velocity = jacobian @ data.qvel
-        ramp = min(chair.front - place[0], place[0] - chair.front + chair.depth) / chair.rounding
-        deep = max(0.0, chair.height - place[2]) * min(max(ramp, 0.0), 1.0)
+        ramp = min(chair.front - point[0], point[0] - chair.front + chair.depth) / chair.rounding
+        deep = max(0.0, chair.height - point[2]) * min(max(ramp, 0.0), 1.0)
         normal = stiffness * deep * max(0.0, 1.0 - chair.dissipation * velocity[2])
         rubbing = -chair.friction_coefficient * normal * math.tanh(velocity[0] / chair.transition_velocity)
         force = np.array([rubbing, 0.0, normal])
-        data.xfrc_applied[body] += [*force, *np.cross(place - data.xipos[body], force)]
+        data.xfrc_applied[body] += [*force, *np.cross(point - data.xipos[body], force)]
         return float(force @ velocity)

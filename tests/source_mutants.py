@@ -60,16 +60,16 @@ def source_mutants(module: ModuleType, functions: set[str]) -> Iterator[tuple[st
         Description of the change (``function: line: old → new``) and namespace of the changed module.
     """
     source = inspect.getsource(module)
-    for place, (*_, node) in enumerate(_find_sites(ast.parse(source), functions)):
+    for site, (*_, node) in enumerate(_find_sites(ast.parse(source), functions)):
         for choice in range(len(list(_changes(node)))):
-            yield _mutant(source, module.__name__, functions, place, choice)
+            yield _mutant(source, module.__name__, functions, site, choice)
 
 
 def _mutant(
-    source: str, module: str, functions: set[str], place: int, choice: int
+    source: str, module: str, functions: set[str], site: int, choice: int
 ) -> tuple[str, dict[str, Any]]:
     tree = ast.parse(source)
-    name, parent, field, index, node = list(_find_sites(tree, functions))[place]
+    name, parent, field, index, node = list(_find_sites(tree, functions))[site]
     changed = list(_changes(node))[choice]
     line = source.splitlines()[node.lineno - 1].strip() if hasattr(node, "lineno") else ""
     text = f"{name}: {line}: {ast.unparse(node)} → {ast.unparse(changed)}"

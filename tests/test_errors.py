@@ -18,7 +18,7 @@ def test_a_fact_is_found_wherever_it_is_whole(fact: object) -> None:
 
 
 @pytest.mark.parametrize("fact", ["ankle", "left_hip_deg", "kne", "1", "1.5", "5", "0", "100", "eft.yaml"])
-def test_a_part_of_a_word_or_a_number_is_none(fact: str) -> None:
+def test_a_part_of_a_word_or_a_number_is_not_a_fact(fact: str) -> None:
     assert missing(TEXT, "knee", fact) == [fact]
 
 

@@ -35,13 +35,13 @@ def test_a_walk_runs_without_docstrings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("arguments", [("check", "--rules"), ("check", "treadmill"), ("--help",)])
-def test_the_program_says_the_same_without_docstrings(arguments: tuple[str, ...]) -> None:
+def test_the_program_prints_the_same_without_docstrings(arguments: tuple[str, ...]) -> None:
     usual, optimised = (run(*arguments, optimised=item) for item in (False, True))
     assert len(usual.stdout) > 500
     assert (optimised.returncode, optimised.stdout) == (usual.returncode, usual.stdout)
 
 
-def test_docstrings_are_read_from_the_source_where_python_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_docstrings_are_read_from_the_source_if_python_removed_them(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = docstring_of(ActuatorParameters)
     assert "Attributes:" in usual
     docstring_of.cache_clear()
@@ -67,7 +67,7 @@ def test_docstrings_are_read_in_one_place_only() -> None:
     assert found == {"docstrings.py"}
 
 
-def test_no_assertion_decides_anything() -> None:
+def test_no_behaviour_depends_on_an_assert_statement() -> None:
     """Assertions only narrow types; the test kit and messages need a raise."""
     deciding = [
         f"{path}:{node.lineno}"
@@ -76,7 +76,7 @@ def test_no_assertion_decides_anything() -> None:
         if isinstance(node, ast.Assert) and (path.parts[0] == "testing" or node.msg is not None)
     ]
     known = ["simulation/views.py"]  # mistakes of authors of laws, found when a test compiles the law
-    assert [place for place in deciding if place.partition(":")[0] not in known] == []
+    assert [location for location in deciding if location.partition(":")[0] not in known] == []
 
 
 def test_units_that_are_declared_after_the_import_are_known() -> None:

@@ -72,7 +72,7 @@ def test_a_run_without_a_log_makes_no_table() -> None:
 
 
 @pytest.mark.parametrize("kind", ["set", "try"])
-def test_a_slider_rebuilds_what_it_changes(
+def test_a_slider_rebuilds_only_the_changed_parts(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = LiveSession(loaded=load_experiment("treadmill", ["duration_s=60"]), folder=tmp_path / "walk")

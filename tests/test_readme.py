@@ -68,7 +68,7 @@ def test_pictures_files_and_headings_that_are_linked_exist(page):
             assert anchor in known, f"{page}: {target}#{anchor}"
 
 
-def test_the_mutations_that_the_readme_counts_are_those_of_the_test_kit():
+def test_readme_counts_of_mutations_match_the_test_kit():
     found = re.findall(
         r"^\| (all|equivalent|missed) \|(.*)\|$", PAGES["docs/reference/test_kit.md"], flags=re.MULTILINE
     )

@@ -21,7 +21,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_what_is_tested_here_is_the_checkout() -> None:
+def test_tested_package_is_the_checkout() -> None:
     assert [describe_mismatch(copy) for copy in copies_in_use()] == [None, None]
 
 

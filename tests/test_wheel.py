@@ -31,7 +31,7 @@ def wheel(tmp_path_factory) -> Path:
     return path
 
 
-def test_the_wheel_holds_the_package_and_nothing_else(wheel):
+def test_the_wheel_contains_only_the_package(wheel):
     names = [PurePosixPath(name) for name in zipfile.ZipFile(wheel).namelist()]
     tops = {name.parts[0] for name in names}
     assert len(tops) == 2 and "twin_gait" in tops
@@ -63,7 +63,7 @@ def run(site: dict[str, str], folder: Path, *words: str) -> str:
     return done.stdout
 
 
-def test_the_package_of_the_wheel_is_what_runs(site, tmp_path):
+def test_the_package_of_the_wheel_is_the_one_that_runs(site, tmp_path):
     path = run(site, tmp_path, "-c", "import twin_gait; print(twin_gait.__file__)")
     assert Path(path.strip()).is_relative_to(site["PYTHONPATH"])
 
@@ -77,7 +77,7 @@ def test_a_gait_runs_outside_the_checkout(site, tmp_path):
     }
 
 
-def test_the_program_of_the_wheel_is_installed_and_lists_what_ships(site, tmp_path):
+def test_the_program_of_the_wheel_is_installed_and_lists_the_presets(site, tmp_path):
     program = Path(site["PYTHONPATH"]) / "bin" / "twin-gait"
     assert "treadmill_start_stop" in run(site, tmp_path, str(program), "presets")
 

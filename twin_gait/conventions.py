@@ -67,8 +67,8 @@ OSL = Convention(name="osl", unit=RADIANS)
 CORC_X2 = Convention(
     name="corc_x2",
     columns={
-        place: f"JointPositions_{number}"
-        for number, place in enumerate(product(Side, (JointName.HIP, JointName.KNEE)), start=1)
+        key: f"JointPositions_{number}"
+        for number, key in enumerate(product(Side, (JointName.HIP, JointName.KNEE)), start=1)
     },
     signs={JointName.KNEE: -1.0},
     unit=RADIANS,
@@ -86,5 +86,5 @@ def find_convention(name: str) -> Convention:
         ParameterError: If there is no convention of that name.
     """
     if name not in CONVENTIONS:
-        raise ParameterError(f"convention: no {name!r}; there are {', '.join(CONVENTIONS)}")
+        raise ParameterError(f"convention: expected one of {', '.join(CONVENTIONS)}, got {name!r}")
     return CONVENTIONS[name]

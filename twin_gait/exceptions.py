@@ -29,10 +29,10 @@ class ParameterFileError(TwinGaitError):
         self.file = str(file)
         self.key = key
         # Keys, phases and causes come from the file and may contain line breaks; a message is one line.
-        where, what = " ".join(key.split()), " ".join(problem.split())
-        self.problem = what
-        place = f"{self.file}: {where}" if where else self.file
-        super().__init__(f"{place}: {what}")
+        where, text = " ".join(key.split()), " ".join(problem.split())
+        self.problem = text
+        location = f"{self.file}: {where}" if where else self.file
+        super().__init__(f"{location}: {text}")
 
 
 class ModelError(TwinGaitError):

@@ -54,7 +54,7 @@ def require_regular(path: Path, most: int | None = None) -> None:
         kind = _SPECIAL.get(stat.S_IFMT(status.st_mode), "a folder")
         raise ParameterFileError(path, "", f"cannot be read: it is {kind}; expected a regular file")
     if most is not None and status.st_size > most:
-        problem = f"is larger than {most} bytes, the most that is read; check the path, or cut it in parts"
+        problem = f"is larger than {most} bytes, the largest size read; check the path, or divide the file"
         raise ParameterFileError(path, "", problem)
 
 
@@ -73,7 +73,7 @@ def read_bytes(path: Path, most: int = MOST_DOCUMENT) -> bytes:
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
         data = file.read(most + 1)
     if len(data) > most:
-        raise ParameterFileError(path, "", f"is larger than {most} bytes, the most that is read")
+        raise ParameterFileError(path, "", f"is larger than {most} bytes, the largest size that is read")
     return data
 
 
@@ -158,7 +158,7 @@ def check_replaceable(path: Path) -> None:
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         kind = _SPECIAL.get(stat.S_IFMT(path.lstat().st_mode))
         if kind is not None:
-            raise RunDirectoryError(f"{path}: is {kind}, which is never replaced; name a new file")
+            raise RunDirectoryError(f"{path}: is {kind}, which is never replaced; give another name")
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
@@ -191,7 +191,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document atomically as JSON, with values converted by :func:`plain`.
+    """Write a document atomically as JSON, with values converted by :func:`to_json_value`.
 
     Raises:
         RunDirectoryError: If it cannot be written.
@@ -228,7 +228,7 @@ def write_new(paths: Iterable[Path], content: str) -> Path:
             raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
         write_atomically(path, content)
         return path
-    raise RunDirectoryError("no name is free")
+    raise RunDirectoryError("no temporary name is free")
 
 
 def require_table_size(path: Path, rows: int, columns: int) -> None:
@@ -242,7 +242,7 @@ def require_table_size(path: Path, rows: int, columns: int) -> None:
             path,
             "",
             f"has {rows} rows of {columns} columns; at most {MOST_ROWS} rows and {MOST_CELLS} numbers are "
-            "read: cut it in parts",
+            "read; divide the file",
         )
 
 
@@ -278,11 +278,11 @@ def read_parquet(path: Path) -> pd.DataFrame:
     with pq.ParquetFile(path) as file:
         names, others = file.schema_arrow.names, {}
         numbers = np.empty((len(names), file.metadata.num_rows))
-        for place, name in enumerate(names):
+        for index, name in enumerate(names):
             read = file.read([name])  # also reads columns whose names begin with this one
             column = read.column(read.column_names.index(name))
             if column.type == "double":
-                numbers[place] = column.to_numpy()
+                numbers[index] = column.to_numpy()
             else:
                 others[name] = column.to_pandas()
     return pd.DataFrame(numbers.T, columns=names, copy=False).assign(**others)

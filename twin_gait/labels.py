@@ -93,32 +93,32 @@ def label_of(key: str) -> Label:
     unit = next((unit for _, unit in reversed(split) if unit), NO_UNIT)
     if _PLACES[-1].issuperset(parts[-1].split("_")):  # an item of a mapping by joint: friction_ratio.hip
         parts = [parts[-1], *parts[:-1]]
-    found, bare, own = parts[-1:], parts, list[str]()
-    for start, places in itertools.product(range(len(parts)), _PLACES):
-        bare, own = _without(parts, places)
+    found, bare, location = parts[-1:], parts, list[str]()
+    for start, words_of_places in itertools.product(range(len(parts)), _PLACES):
+        bare, location = _without(parts, words_of_places)
         found = bare[start:]
         if "_".join(filter(None, found)) in _declared():
             break
     declared = _declared().get("_".join(filter(None, found)), {})
     unit = declared.get("unit", unit)
     usual = "%" if unit == NO_UNIT and parts[-1].endswith("share") else _SHOWN.get(unit, unit)
-    words = [*_around(own, bare[: len(bare) - len(found)]), declared.get("name") or "_".join(found)]
+    words = [*_around(location, bare[: len(bare) - len(found)]), declared.get("name") or "_".join(found)]
     name = " ".join(filter(None, words)).replace("_", " ").strip()
     return Label(name, declared.get("symbol", ""), unit, declared.get("shown", usual))
 
 
-def _without(parts: list[str], places: frozenset[str]) -> tuple[list[str], list[str]]:
+def _without(parts: list[str], words_of_places: frozenset[str]) -> tuple[list[str], list[str]]:
     """Return parts of a key without the words of places, and these words in their order."""
     words = [part.split("_") for part in parts]
-    bare = ["_".join(word for word in part if word not in places) for part in words]
-    return bare, [word for part in words for word in part if word in places]
+    bare = ["_".join(word for word in part if word not in words_of_places) for part in words]
+    return bare, [word for part in words for word in part if word in words_of_places]
 
 
-def _around(own: list[str], sections: list[str]) -> list[str]:
+def _around(location: list[str], sections: list[str]) -> list[str]:
     """Return the words of places and sections in the order of a name: phase, place, part of the device."""
     named = [_declared().get(part, {}).get("name", part) for part in sections]
     parts = [part for part in named if part in _PARTS]
-    return [*(part for part in named if part not in parts), *own, *parts]
+    return [*(part for part in named if part not in parts), *location, *parts]
 
 
 @cache

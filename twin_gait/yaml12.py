@@ -13,6 +13,7 @@ import yaml
 MOST_VALUES = 1_000_000
 
 _TAG = "tag:yaml.org,2002:"
+# pattern and first characters of each tag that a plain scalar resolves to
 _PLAIN = {
     "null": (r"~|null|Null|NULL|", "~nN"),
     "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
@@ -21,7 +22,7 @@ _PLAIN = {
         r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
         "-+.0123456789",
     ),
-}  # pattern and first characters of each tag that a plain scalar resolves to
+}
 _RESOLVERS = {
     _TAG + name: (re.compile(f"(?:{pattern})$"), [*first, *([""] if name == "null" else [])])
     for name, (pattern, first) in _PLAIN.items()
@@ -41,7 +42,7 @@ class Loader(yaml.SafeLoader):
         """Return the document as nodes; raise yaml.YAMLError if its aliases expand to too many values."""
         node: yaml.Node | None = super().get_single_node()
         if node is not None and _values_in(node, {}) > MOST_VALUES:
-            problem = f"its aliases expand to more than {MOST_VALUES} values; write out less"
+            problem = f"its aliases expand to more than {MOST_VALUES} values; use fewer aliases"
             raise yaml.composer.ComposerError(None, None, problem, node.start_mark)
         return node
 
@@ -51,7 +52,7 @@ def _values_in(node: yaml.Node, known: dict[int, int | None]) -> int:
     if id(node) in known:
         count = known[id(node)]
         if count is None:
-            problem = "an alias that contains itself has no end"
+            problem = "an alias must not contain itself"
             raise yaml.composer.ComposerError(None, None, problem, node.start_mark)
         return count
     known[id(node)], count = None, 1

@@ -40,8 +40,8 @@ def draw_speed(measured: Sequence[Mapping[str, Any]], path: Path) -> None:
     rows = (len(measured) + 1) // 2
     figure = Figure(figsize=(10.0, 2.4 * rows + 3.2), layout="constrained")
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[2.4] * rows + [3.2])
-    for place, case in enumerate(measured):
-        _draw_case(figure.add_subplot(grid[place // 2, place % 2]), case)
+    for index, case in enumerate(measured):
+        _draw_case(figure.add_subplot(grid[index // 2, index % 2]), case)
     _draw_accuracy(figure.add_subplot(grid[rows, :]), measured)
     figure.savefig(path, dpi=85)
 
@@ -49,10 +49,10 @@ def draw_speed(measured: Sequence[Mapping[str, Any]], path: Path) -> None:
 def _draw_case(axes: Axes, case: Mapping[str, Any]) -> None:
     """Draw a point per implementation at its least time, the fastest at the top, and a bar to its median."""
     rows = sorted(case["rows"], key=lambda row: float(row[TIME]), reverse=True)
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         colour = _colour(row["implementation"])
-        axes.plot([row[TIME], row[MEDIAN]], [place, place], color=colour, linewidth=3.0, alpha=0.5)
-        axes.plot(row[TIME], place, "o", color=colour)
+        axes.plot([row[TIME], row[MEDIAN]], [index, index], color=colour, linewidth=3.0, alpha=0.5)
+        axes.plot(row[TIME], index, "o", color=colour)
     axes.set_xscale("log")
     axes.set_yticks(range(len(rows)), [row["implementation"] for row in rows], fontsize="small")
     style_panel(axes, f"{name_to_words(case['scenario'])}, {case['step']}", "")

@@ -138,7 +138,7 @@ def goal_rows(measured: Sequence[Mapping[str, Any]], vectors: str) -> list[dict[
                     "step": case["step"],
                     "what": f"{peer} / {ours}",
                     "measured": "not timed" if ratio is None else f"{ratio:.3g}",
-                    "asked for": f"at least {least:g}",
+                    "required": f"at least {least:g}",
                     "met": "yes" if ratio is not None and ratio >= least else "**no**",
                 }
             )

@@ -51,11 +51,11 @@ def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
     for leg in world.model.legs.values():
         for point in contact_points(world.model.model, leg.contact_frames):
             # The lowest point of the sphere of a level foot is the heel or the toe.
-            place = np.add(point.position, [0.0, 0.0, SOLE_RADIUS])
+            position = np.add(point.position, [0.0, 0.0, SOLE_RADIUS])
             spec.joint(leg.ankle).parent.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
                 size=[SOLE_RADIUS, 0, 0],
-                pos=place,
+                pos=position,
                 mass=0.0,
                 contype=1,
                 conaffinity=0,
@@ -72,12 +72,12 @@ def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
 def _hold(model: mujoco.MjModel, problem: SimulationSetup) -> None:
     """Add springs to every joint except the pelvis, which is a slide."""
     order = coordinate_order(model, problem.world.model)
-    for place, angle in zip(order, problem.world.start_q.tolist(), strict=True):
-        if model.jnt_type[place] == mujoco.mjtJoint.mjJNT_SLIDE:
+    for index, angle in zip(order, problem.world.start_q.tolist(), strict=True):
+        if model.jnt_type[index] == mujoco.mjtJoint.mjJNT_SLIDE:
             continue
-        model.jnt_stiffness[place] = HOLDING_STIFFNESS
-        model.dof_damping[place] = HOLDING_DAMPING
-        model.qpos_spring[place] = angle
+        model.jnt_stiffness[index] = HOLDING_STIFFNESS
+        model.dof_damping[index] = HOLDING_DAMPING
+        model.qpos_spring[index] = angle
 
 
 class BareSession:

@@ -97,26 +97,26 @@ def _assignments(module: str) -> Iterator[tuple[str, list[str], int, int]]:
 
 def meanings(module: str) -> dict[str, str]:
     """Return the comment next to or above the assignment of each public constant of a module, by name."""
-    wanted, found = set(constants(module)), {}
+    names_of_constants, found = set(constants(module)), {}
     for name, lines, first, last in _assignments(module):
-        if name not in wanted:
+        if name not in names_of_constants:
             continue
         above: list[str] = []
         while (line := lines[first - 2 - len(above)]).startswith("#"):
             above.insert(0, line.lstrip("# "))
-        beside = [part for line in lines[first - 1 : last] for part in re.findall(r"  # (.*)", line)][:1]
-        found[name] = " ".join([*above, *beside])
+        behind = [part for line in lines[first - 1 : last] for part in re.findall(r"  # (.*)", line)][:1]
+        found[name] = " ".join([*above, *behind])
     return found
 
 
 def constants_of(module: str) -> list[str]:
     """Return the table of the public constants of a module as lines."""
-    said, values = meanings(module), importlib.import_module(module)
+    comments, values = meanings(module), importlib.import_module(module)
     rows = []
     for name in constants(module):
         value = repr(getattr(values, name))
         value = f"``{value}``" if len(value) <= 40 else ""
-        rows.append([f"``{name}``", value, said.get(name, "").replace("`", "")])
+        rows.append([f"``{name}``", value, comments.get(name, "").replace("`", "")])
     if not rows:
         return []
     cells = ["   * - " + "\n     - ".join(row) for row in (["constant", "value", "meaning"], *rows)]

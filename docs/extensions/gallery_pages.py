@@ -138,20 +138,20 @@ def _linked(text: str) -> str:
 
 def prepare(folder: Path, *, run: bool) -> None:
     """Write the scripts of all sections into a folder; unchanged files keep their time of modification."""
-    wanted = set()
+    current = set()
     for order, (section, (heading, names)) in enumerate(SECTIONS.items()):
-        place = folder / f"{order}_{section}"
-        place.mkdir(parents=True, exist_ok=True)
+        target = folder / f"{order}_{section}"
+        target.mkdir(parents=True, exist_ok=True)
         files = {"GALLERY_HEADER.rst": f"{heading}\n{'-' * len(heading)}\n"}
         files |= {f"{name}.py": prepared(EXAMPLES / f"{name}.py", run=run) for name in names}
         # Data files that scripts read from their folder.
         files |= {data.name: data.read_text(encoding="utf-8") for data in EXAMPLES.glob("*.yaml")}
         for name, text in files.items():
-            path = place / name
-            wanted.add(path)
+            path = target / name
+            current.add(path)
             if not path.is_file() or path.read_text(encoding="utf-8") != text:
                 path.write_text(text, encoding="utf-8")
     for path in folder.rglob("*"):
-        if path.is_file() and path.parent != folder and path not in wanted:
+        if path.is_file() and path.parent != folder and path not in current:
             path.unlink()
     shutil.copy(Path(__file__).parents[1] / "gallery_header.rst", folder / "GALLERY_HEADER.rst")

@@ -60,9 +60,9 @@ def cohort(
     (M. P. Silverman, T. C. Lipscombe, Open Journal of Statistics 12, 2022), drawn again until both lie
     between the 5th and the 95th percentile of the sex and the mass is one that the device carries.
 
-    ``count``: number of people, 1 or more. ``seed``: 0 or more. ``like``: whose efforts and conditions all of
-    them share; the default wearer is mass alone. ``sizes``: of the population. Raises ParameterError if
-    count, seed or sizes make no sense.
+    ``count``: number of people, 1 or more. ``seed``: 0 or more. ``like``: person whose efforts and conditions
+    all people share; the default wearer is mass alone. ``sizes``: of the population. Raises ParameterError if
+    count, seed or sizes are invalid.
     """
     require(count >= 1, "count", "1 or more", count)
     require(set(sizes) == set(Sex), "sizes", "those of both sexes", sorted(sizes))
@@ -89,7 +89,7 @@ def _person(pattern: Patient, sizes: Mapping[Sex, BodySizes], seed: np.random.Se
 
 
 def _lognormal(mean: float, deviation: float, standard: float) -> float:
-    """Lognormal variable where its logarithm lies so many standard deviations above its mean."""
+    """Return a lognormal variable whose logarithm is a number of standard deviations above its mean."""
     spread = math.sqrt(math.log1p((deviation / mean) ** 2))
     return mean * math.exp(spread * standard - 0.5 * spread * spread)
 

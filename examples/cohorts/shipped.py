@@ -1,4 +1,4 @@
-"""The people who ship on the shipped walk, and the default wearer in braces of other stiffness."""
+"""Shipped people on the shipped walk, and the default wearer in braces of other stiffness."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def experiment_of(name: str, support: float, duration: float) -> Experiment:
 
 
 def wearer_peak(run: Run, joint: JointName) -> float:
-    """Return the highest torque of effort and passive moments at either joint in [N m]; no push acts here."""
+    """Return the highest torque of effort and passive moments at either joint in [N·m]; no push acts here."""
     return max(float(run.log[f"{side}_{joint}_external_torque_Nm"].abs().max()) for side in Side)
 
 
@@ -52,7 +52,9 @@ def person_row(name: str, duration: float) -> dict[str, Any]:
         "swing [%]": pair([side["swing_share"] for side in sides], ".1f", 100.0),
         "knee RMSE [°]": pair([side["rmse_knee_by_contact_deg"] for side in sides], ".1f"),
         "further contacts, scuffs": pair(further, "d", 1),
-        "peak of the wearer's torque, hip, knee [Nm]": pair([wearer_peak(runs[0], j) for j in JOINTS], ".0f"),
+        "peak of the wearer's torque, hip, knee [N·m]": pair(
+            [wearer_peak(runs[0], j) for j in JOINTS], ".0f"
+        ),
         "their mean power, hips, knees [W]": pair([wearer_power(runs[0], j) for j in JOINTS], ".1f"),
     }
 
@@ -67,7 +69,7 @@ def stiffened(factor: float) -> BraceParameters:
 
 
 def brace_row(factor: float, duration: float) -> dict[str, Any]:
-    """Walk of the default wearer in braces by a factor stiffer than the default ones."""
+    """Simulate the default wearer in braces stiffened by a factor, and return a row of the page."""
     alone = experiment_of(MASS_ALONE, SUPPORTS[0], duration)
     run = simulate(replace(alone, interface=stiffened(factor)))
     summary = summarise_run(run)
@@ -80,12 +82,12 @@ def brace_row(factor: float, duration: float) -> dict[str, Any]:
         "times as stiff": f"{factor:g}",
         "the walk": str(run.verdict.outcome),
         "stride [s]": pair([side["stride_time_mean_s"] for side in summary["sides"].values()], ".2f"),
-        "RMS torque, hip, knee [Nm]": pair(largest("torque_rms_Nm"), ".1f"),
+        "RMS torque, hip, knee [N·m]": pair(largest("torque_rms_Nm"), ".1f"),
         "most relative motion, hip, knee [°]": pair(largest("motion_peak_deg"), ".1f"),
         "at the pelvis [mm]": f"{braces['pelvis']['motion_peak_mm']:.0f}",
     }
 
 
 def pair(values: list[float | None], form: str, factor: float = 1.0) -> str:
-    """Two numbers as a table shows them."""
+    """Format two numbers for a table."""
     return ", ".join("–" if value is None else format(factor * value, form) for value in values)

@@ -1,4 +1,4 @@
-"""Walks from stand to stand, and how they end."""
+"""Walks from standing to standing, and their endings."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ class Row(NamedTuple):
     """One line of the table.
 
     Attributes:
-        what: Is changed.
-        values: As they are printed.
-        settings: One for each value, see ``--set``.
-        moments: At which each of them is told to stand.
+        subject: Changed property.
+        values: Printed values.
+        settings: Settings of each value, see ``--set``.
+        moments: Number of times of the command to stand for each value.
     """
 
-    what: str
+    subject: str
     values: str
     settings: tuple[tuple[str, ...], ...]
     moments: int
 
 
 class Trial(NamedTuple):
-    """A walk from stand to stand: what is changed, and the command to stand in [s]."""
+    """Walk from standing to standing: changed settings, and time of the command to stand in [s]."""
 
     settings: tuple[str, ...]
     stop: float
@@ -46,8 +46,8 @@ def _each(key: str, values: Iterable[float]) -> tuple[tuple[str, ...], ...]:
     return tuple((f"{key}={value:g}",) for value in values)
 
 
-def _row(what: str, key: str, values: Sequence[float], unit: str = "") -> Row:
-    return Row(what, ", ".join(f"{value:g}" for value in values) + unit, _each(key, values), FEW)
+def _row(subject: str, key: str, values: Sequence[float], unit: str = "") -> Row:
+    return Row(subject, ", ".join(f"{value:g}" for value in values) + unit, _each(key, values), FEW)
 
 
 def _effort(share: float) -> tuple[str, ...]:
@@ -91,20 +91,20 @@ ROWS = (
 
 
 def trials_of(row: Row) -> list[Trial]:
-    """All walks of a line, the moments of each value side by side."""
+    """Return all walks of a row, with the times of each value in sequence."""
     start = load_experiment(PRESET).experiment.scenario.belt.start
     stops = [start + WALKING + STRIDE * number / row.moments for number in range(row.moments)]
     return [Trial(settings, stop) for settings in row.settings for stop in stops]
 
 
 def walk_of(trial: Trial) -> Experiment:
-    """One wearer walks and stands again."""
+    """Return the experiment of a trial: walking, and standing again."""
     times = f"scenario.belt.stop_s={trial.stop}", f"duration_s={trial.stop + STANDING}"
     return load_experiment(PRESET, [*trial.settings, *times]).experiment
 
 
 def ending_of(run: Run) -> str:
-    """How a run from stand to stand ended: ``STANDS``, ``FALLS`` or ``OTHERWISE``."""
+    """Return the ending of a run from standing to standing: ``STANDS``, ``FALLS`` or ``OTHERWISE``."""
     if run.status is not RunStatus.COMPLETED or run.trip is not None:
         return FALLS
     last = run.log.iloc[-1]
@@ -116,7 +116,7 @@ def ending_of(run: Run) -> str:
 
 
 def line_of(row: Row, endings: Sequence[str]) -> dict[str, str]:
-    """One line of the table, from the endings of :func:`trials_of` in their order."""
+    """Return one line of the table from the endings of :func:`trials_of` in their order."""
     groups = [endings[at : at + row.moments] for at in range(0, len(endings), row.moments)]
     good = {group.count(STANDS) for group in groups}
     if len(good) == 1:
@@ -125,4 +125,4 @@ def line_of(row: Row, endings: Sequence[str]) -> dict[str, str]:
         text = f"{endings.count(STANDS)} of {len(endings)}"
     others = Counter(item for item in endings if item != STANDS)
     text += "".join(f", {count} {word}" for word, count in sorted(others.items()))
-    return {"what": row.what, "range": row.values, "stops that end standing": text}
+    return {"what": row.subject, "range": row.values, "stops that end standing": text}

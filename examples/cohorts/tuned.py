@@ -1,4 +1,4 @@
-"""A table tuned to each walker of a cohort."""
+"""Tables tuned to each walker of a cohort."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from twin_gait.studies.tune.result import tuned_table
 
 
 class Job(NamedTuple):
-    """Somebody for whom the shipped table is tuned.
+    """Task of tuning the shipped table to one walker.
 
     Attributes:
         number: Of the walker, the seed of the sensor noise.
@@ -34,7 +34,7 @@ def experiment_of(walker: Mapping[str, Any]) -> Experiment:
 
 
 def tuned_walk(job: Job) -> dict[str, Any]:
-    """Tune, walk a minute, and give outcome and errors under the names of a batch's table."""
+    """Tune, simulate a minute, and return outcome and errors under the column names of a batch."""
     experiment = experiment_of(job.walker)
     table = tuned_table(experiment, seed=job.number, **job.settings)
     run = simulate(replace(experiment, table=table))

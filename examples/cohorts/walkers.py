@@ -1,4 +1,4 @@
-"""Virtual people on the treadmill: who they are, and their walks as changes of one experiment."""
+"""Virtual people on the treadmill: their properties, and their walks as changes of one experiment."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CONFIDENCE = 0.95
 
 
 def sizes_of(person: Patient) -> dict[str, float | str]:
-    """Stature, mass and sex by keys of an experiment."""
+    """Return stature, mass and sex by keys of an experiment."""
     return {
         "patient.mass_kg": person.mass,
         "patient.height_m": person.height,
@@ -63,16 +63,16 @@ def cohort_row(name: str, seed: int, walks: pd.DataFrame) -> dict[str, Any]:
 
 
 def median_error(walked: pd.DataFrame, joint: str) -> str:
-    """Median over the walks of the larger leg's RMSE from foot contact."""
+    """Return the median over the walks of the larger RMSE of both legs from foot contact."""
     errors = walked[[f"{side}_rmse_{joint}_by_contact_deg" for side in ("left", "right")]].max(axis=1)
     return f"{errors.median():.1f}" if errors.notna().any() else "–"
 
 
-def failures(name: str, seed: int, walks: pd.DataFrame, who: Sequence[Mapping[str, Any]]) -> list[str]:
+def failures(name: str, seed: int, walks: pd.DataFrame, people: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a sentence about each person who does not walk."""
     return [
-        f"{name}, seed {seed}, number {row.episode}: {who[row.episode].get('patient', MASS_ALONE)}, "
-        f"{who[row.episode]['patient.mass_kg']:.0f} kg, {who[row.episode]['patient.height_m']:.2f} m "
+        f"{name}, seed {seed}, number {row.episode}: {people[row.episode].get('patient', MASS_ALONE)}, "
+        f"{people[row.episode]['patient.mass_kg']:.0f} kg, {people[row.episode]['patient.height_m']:.2f} m "
         f"{row.outcome} after {row.duration_s:.1f} s"
         for row in walks.itertuples()
         if row.outcome != "walked"

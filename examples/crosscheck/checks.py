@@ -1,4 +1,4 @@
-"""What is compared with what: figures that ought to be small, each from public functions of twin_gait."""
+"""Comparisons of the installation check: errors that must be small, from public functions of twin_gait."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ FREE_LEG = (
 
 
 def random_states(n: int) -> Iterator[np.ndarray]:
-    """Coordinates, velocities and torques that cover the range of a leg, the same at every call."""
+    """Return coordinates, velocities and torques that cover the range of a leg, equal at every call."""
     generator = np.random.default_rng(SEED)
     for _ in range(N_STATES):
         yield generator.uniform([[-1.0], [-4.0], [-40.0]], [[1.5], [4.0], [40.0]], (3, n))
 
 
 def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
-    """Largest difference over the largest magnitude that is expected."""
+    """Return the largest difference over the largest expected magnitude."""
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def dynamics_errors(experiment: Experiment) -> dict[str, float]:
-    """Differences of mass matrix, bias and accelerations from MuJoCo's, which must be installed."""
+    """Compute the differences of mass matrix, bias and accelerations from MuJoCo, which must be installed."""
     from crosscheck.mujoco_legs import coordinate_order, legs_dynamics, legs_of
 
     model = experiment.build_world().model
@@ -62,7 +62,7 @@ def dynamics_errors(experiment: Experiment) -> dict[str, float]:
 
 
 def pendulum_error() -> float:
-    """Difference of the bench leg's accelerations from those of a double pendulum."""
+    """Compute the difference between the accelerations of the bench leg and a double pendulum."""
     experiment = load_experiment("bench_leg").experiment
     model, pendulum = experiment.build_world().model, pendulum_of(experiment)
     return max(
@@ -81,26 +81,26 @@ def free_leg(method: str, step_ms: float) -> tuple[Run, float]:
 
 
 def integrator_order(method: str) -> float:
-    """Slope of the free leg's error over the step on logarithmic axes."""
+    """Return the slope of the error of the free leg over the step on logarithmic axes."""
     steps = (1.0, 0.5, 0.25)
     errors = [free_leg(method, step)[1] for step in steps]
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 def energy_drift(run: Run) -> float:
-    """Change of the energy of a free leg over its largest kinetic energy."""
+    """Return the change of the energy of a free leg over its largest kinetic energy."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     return float(np.abs(energy - energy[0]).max() / run.log["kinetic_energy_J"].max())
 
 
 def energy_residual(run: Run) -> float:
-    """Energy of a run that the work of all sources does not account for, over the work in and out."""
+    """Return the unexplained change of energy of a run over the work of all sources."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     return energy_balance(energy, run.log.filter(like="_work_J").to_numpy().T)["energy_residual_share"]
 
 
 def step_rows(preset: str, duration: float) -> list[dict[str, str]]:
-    """Error of a run at several steps against a tenth of its default step, as rows of a table.
+    """Return the errors of a run at several steps against a tenth of its default step as rows.
 
     The cost is the number of evaluations of the dynamics in a tick.
     """
@@ -121,14 +121,14 @@ def step_rows(preset: str, duration: float) -> list[dict[str, str]]:
 
 
 def largest_friction_power(run: Run) -> float:
-    """Largest power that friction gives to a moving joint in [W]."""
+    """Return the largest power that friction adds to a moving joint in [W]."""
     torques = run.log.filter(regex="(hip|knee)_friction_torque_Nm$")
     rates = run.log[[name.replace("friction_torque_Nm", "velocity_rad_per_s") for name in torques]]
     return float((torques.to_numpy() * rates.to_numpy()).max())
 
 
 def engine_difference(preset: str, duration: float) -> float:
-    """Largest difference of an angle between the engines in [rad]; infinite if phases change differently."""
+    """Return the largest difference of an angle between engines in [rad]; infinite if switches differ."""
     settings = (f"duration_s={duration}", "sensors.ideal=true", "integration.method=semi_implicit_euler")
     ours, theirs = (
         simulate(
@@ -143,7 +143,7 @@ def engine_difference(preset: str, duration: float) -> float:
 
 
 def replay_difference(run: Run) -> float:
-    """Largest difference of an angle in [rad] when MuJoCo is driven by the torques in the log of a bench leg.
+    """Return the largest difference of an angle [rad] if MuJoCo applies the logged torques of a bench leg.
 
     Friction and losses of the gear are typed in a second time; the run is by the semi-implicit Euler method,
     one step a tick.
@@ -155,8 +155,8 @@ def replay_difference(run: Run) -> float:
     data, order = mujoco.MjData(legs), coordinate_order(legs, model)
     joints = ("hip", "knee")
     columns = {
-        what: run.log[[f"right_{joint}_{what}" for joint in joints]].to_numpy()
-        for what in ("angle_rad", "velocity_rad_per_s", "motor_torque_Nm")
+        quantity: run.log[[f"right_{joint}_{quantity}" for joint in joints]].to_numpy()
+        for quantity in ("angle_rad", "velocity_rad_per_s", "motor_torque_Nm")
     }
     laws = [experiment.plant.true_friction()[joint] for joint in joints]
     gears = [experiment.plant.actuators[joint] for joint in joints]
@@ -178,7 +178,7 @@ def replay_difference(run: Run) -> float:
 
 
 def friction_torque(velocity: float, law: FrictionParameters) -> float:
-    """Equation (3.1) of the thesis typed in a second time, on purpose: in [N m], signed as the velocity."""
+    """Compute equation (3.1) of the thesis, written a second time on purpose, in [N·m] with the sign of ω."""
     ratio = velocity / law.breakaway_velocity
     stribeck = np.sqrt(2.0) * np.exp(0.5 - ratio**2) * ratio
     return float(

@@ -1,4 +1,4 @@
-"""The bench leg as a double pendulum, from Lagrange's equations written out by hand."""
+"""Bench leg as a double pendulum, from Lagrange's equations derived by hand."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Pendulum(NamedTuple):
     """Two links in a vertical plane.
 
     Attributes:
-        thigh_inertia: Of the thigh, and of the shank as a point at the knee, about the hip in [kg m²].
-        shank_inertia: Of the shank about the knee in [kg m²].
+        thigh_inertia: Inertia of thigh and shank (as a point at the knee) about the hip in [kg·m²].
+        shank_inertia: Inertia of the shank about the knee in [kg·m²].
         coupling: Mass of the shank times distance of its centre from the knee times thigh length.
-        thigh_moment: First moment of the thigh, and of the shank as a point at the knee, in [kg m].
-        shank_moment: First moment of the shank about the knee in [kg m].
-        armature: Inertia of hip and knee drive in [kg m²].
-        gravity: In [m] / [s²].
+        thigh_moment: First moment of the thigh, and of the shank as a point at the knee, in [kg·m].
+        shank_moment: First moment of the shank about the knee in [kg·m].
+        armature: Inertia of hip and knee drive in [kg·m²].
+        gravity: Acceleration in [m/s²].
     """
 
     thigh_inertia: float
@@ -36,16 +36,16 @@ class Pendulum(NamedTuple):
 
 
 def pendulum_of(experiment: Experiment) -> Pendulum:
-    """Constants of the bench leg without a wearer, straight from its URDF."""
+    """Return the constants of the bench leg without a wearer from its URDF."""
     root = ElementTree.parse(packaged_urdf("twin_leg.urdf")).getroot()
 
     def below(path: str) -> float:
         return -float(root.find(path).attrib["xyz"].split()[2])
 
     def link(name: str) -> tuple[float, float, float]:
-        place = f"link[@name='{name}']/inertial"
-        mass, inertia = root.find(f"{place}/mass"), root.find(f"{place}/inertia")
-        return float(mass.attrib["value"]), below(f"{place}/origin"), float(inertia.attrib["iyy"])
+        path = f"link[@name='{name}']/inertial"
+        mass, inertia = root.find(f"{path}/mass"), root.find(f"{path}/inertia")
+        return float(mass.attrib["value"]), below(f"{path}/origin"), float(inertia.attrib["iyy"])
 
     (m1, c1, i1), (m2, c2, i2) = link("right_thigh"), link("right_shank")
     length = below("joint[@name='right_knee']/origin")
@@ -61,9 +61,9 @@ def pendulum_of(experiment: Experiment) -> Pendulum:
 
 
 def pendulum_acceleration(pendulum: Pendulum, q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    r"""Accelerations of hip and knee in [rad] / [s²].
+    r"""Compute the accelerations of hip and knee in [rad/s²].
 
-    With hip flexion :math:`\theta_1` and knee flexion :math:`\theta_2` positive, thigh and shank stand
+    With hip flexion :math:`\theta_1` and knee flexion :math:`\theta_2` positive, thigh and shank are
     at :math:`\theta_1` and :math:`\theta_1 - \theta_2` from the vertical.
     """
     (hip, knee), (hip_rate, knee_rate) = q, v
@@ -81,7 +81,7 @@ def pendulum_acceleration(pendulum: Pendulum, q: np.ndarray, v: np.ndarray, torq
 
 
 def pendulum_motion(pendulum: Pendulum, start: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Free motion from rest by scipy's method of eighth order: hip, knee and their rates, ``(4, n)``."""
+    """Integrate the free motion from rest by scipy's method of eighth order: angles and rates, ``(4, n)``."""
 
     def slope(_: float, state: np.ndarray) -> np.ndarray:
         q, v = state[:2], state[2:]

@@ -1,7 +1,7 @@
-"""The legs of the device and their wearer as a model of MuJoCo, built a second time.
+"""Legs of the device and their wearer as a MuJoCo model, built independently.
 
-From the URDF and from the tables of the literature, typed in again; of the package only the names of the
-joints and the sizes that the device is set to. Needs MuJoCo (``pip install 'twin-gait[test]'``).
+The sources are the URDF and the tables of the literature, typed in again; from the package only the names of
+joints and the sizes of the device are used. Needs MuJoCo (``pip install 'twin-gait[test]'``).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT,
 
 
 class Segment(NamedTuple):
-    """A limb: share of the body mass, and of its own length the centre of mass and the radii of gyration."""
+    """Limb: share of the body mass; centre of mass and radii of gyration as shares of its length."""
 
     mass: float
     centre: float
@@ -64,7 +64,7 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
         fit_device: Whether waist, femur, tibia and foot are set to the wearer.
 
     Returns:
-        The legs before they are compiled, for whoever adds a ground.
+        The legs before they are compiled, so that a ground can be added.
     """
     text = model.urdf_path.read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
@@ -88,8 +88,8 @@ def compiled_legs(
     Args:
         spec: From :func:`legs_spec`.
         model: For the names of the joints.
-        armature: Inertia of the drives in [kg m²].
-        gravity: In [m] / [s²], against z.
+        armature: Inertia of the drives in [kg·m²].
+        gravity: In [m/s²], against z.
         step: Length of an integration step in [s].
     """
     legs = spec.compile()
@@ -106,7 +106,7 @@ def compiled_legs(
 
 
 def legs_of(experiment: Experiment, model: LegModel) -> mujoco.MjModel:
-    """Legs and wearer of an experiment, in the air."""
+    """Return legs and wearer of an experiment, without ground."""
     spec = legs_spec(model, experiment.patient, fit_device=experiment.leg.fit_device)
     armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
     plant, step = experiment.plant, experiment.resolved_integration.step
@@ -114,7 +114,7 @@ def legs_of(experiment: Experiment, model: LegModel) -> mujoco.MjModel:
 
 
 def coordinate_order(legs: mujoco.MjModel, model: LegModel) -> list[int]:
-    """Position in MuJoCo's arrays of every coordinate of a leg model, in the order of the latter."""
+    """Return the index in MuJoCo's arrays of every coordinate of a leg model."""
     names = {
         model.index(side, joint): name for side, leg in model.legs.items() for joint, name in leg.items()
     }
@@ -130,7 +130,7 @@ def coordinate_order(legs: mujoco.MjModel, model: LegModel) -> list[int]:
 def legs_dynamics(
     legs: mujoco.MjModel, order: list[int], q: np.ndarray, v: np.ndarray, torque: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass matrix, bias (Coriolis, centrifugal, gravity) and accelerations of a state."""
+    """Compute mass matrix, bias (Coriolis, centrifugal, gravity) and accelerations of a state."""
     data = mujoco.MjData(legs)
     data.qpos[order], data.qvel[order], data.qfrc_applied[order] = q, v, torque
     mujoco.mj_forward(legs, data)
@@ -206,7 +206,7 @@ def _add_limb(body: Any, patient: Patient, segment: Segment, start: np.ndarray, 
 
 
 def _add_mass(body: Any, mass: float, centre: np.ndarray, moments: np.ndarray, axis: np.ndarray) -> None:
-    """Moments about two axes across a direction, and about the direction itself."""
+    """Add a body with given moments of inertia about two transverse axes and the longitudinal axis."""
     turn = np.empty(4)
     mujoco.mju_quatZ2Vec(turn, axis)
     body.add_body(mass=mass, ipos=centre, iquat=turn, inertia=moments, explicitinertial=True)

@@ -1,6 +1,6 @@
-"""The motion of the plant over any scalars: those of an algebra system, of automatic differentiation, floats.
+"""Motion of the plant over any scalars: symbols of an algebra system, automatic differentiation, floats.
 
-The function that the engine integrates is bound to other elementary functions and to laws without branches;
+The function that the engine integrates is specialized with other elementary functions and branch-free laws;
 nothing is written a second time.
 """
 

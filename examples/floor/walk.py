@@ -1,4 +1,4 @@
-"""The best walk that motors, body and belt allow: optimal control of half a symmetric stride.
+"""Best walk that motors, body and belt allow: optimal control of half a symmetric stride.
 
 States are the coordinates of the plant and their velocities, the torques of the motors are linear between the
 ends of the intervals; Radau collocation of three points (order 5) on intervals of equal length. The function
@@ -44,29 +44,29 @@ POINTS = 3  # of an interval
 STRIDES = 6  # of a half stride laid end to end
 OPTIMALITY = 1e-6  # of ipopt: largest error of the scaled optimality conditions
 SMOOTH = 1e-4  # [m], [rad]; half of it is how deep an unloaded sole or joint already feels ground or stop
-LOAD = 0.3  # [N m], over which the losses of the gear under load are rounded
+LOAD = 0.3  # [N·m], over which the losses of the gear under load are rounded
 # Of its cycle the foot is off the belt at the latest from here on, in [%]; stance at 1.5 km/h lasts 67 to 70.
 SWING = 70.0
 
 
 def require_casadi() -> None:
-    """Refuse to go on without the optional dependency."""
+    """Raise an error without the optional dependency."""
     if ca is None:
         print("attainable_floor: needs casadi: pip install 'twin-gait[floor]'", file=sys.stderr)
         raise SystemExit(2)
 
 
 class Goals(NamedTuple):
-    """What the walk is asked for beside its angles; forces in carried weights.
+    """Required properties of the walk apart from its angles; forces in carried weights.
 
     Attributes:
-        peak: Most vertical force of a foot.
-        trough: Least of it from 18 to 45 % of the cycle.
-        loading: Least of it from 6 to 20 %.
-        forward_N: Most mean fore-aft force of both feet together, either way.
-        contact_deg: Most knee flexion at contact.
-        yield_deg: Least knee flexion after it, at 15 %.
-        clearance_mm: Least height of the sole over the middle half of swing.
+        peak: Largest vertical force of a foot.
+        trough: Smallest vertical force from 18 to 45 % of the cycle.
+        loading: Smallest vertical force from 6 to 20 %.
+        forward_N: Largest mean fore-aft force of both feet together in either direction.
+        contact_deg: Largest knee flexion at contact.
+        yield_deg: Smallest knee flexion after contact, at 15 %.
+        clearance_mm: Smallest height of the sole over the middle half of swing.
     """
 
     peak: float = np.inf
@@ -87,7 +87,7 @@ def positive(x: Any, width: float) -> Any:
 
 
 def smooth_ground(ground: Any, height: Any, forward: Any, upward: Any) -> tuple[Any, Any]:
-    """``ground_contact_force`` of core without its branches."""
+    """Compute ``ground_contact_force`` of core without branches."""
     depth = positive(-height, SMOOTH)
     damping = positive(1.0 - 1.5 * ground.dissipation * upward, 1e-3)
     normal = ground.stiffness * depth * ca.sqrt(depth) * damping
@@ -96,7 +96,7 @@ def smooth_ground(ground: Any, height: Any, forward: Any, upward: Any) -> tuple[
 
 
 def smooth_stop(q: Any, v: Any, lower: float, upper: float, stiffness: float, dissipation: float) -> Any:
-    """``mechanical_stop_torque`` of core without its branches."""
+    """Compute ``mechanical_stop_torque`` of core without branches."""
     below = positive(lower - q, SMOOTH) * positive(1.0 - dissipation * v, 1e-3)
     above = positive(q - upper, SMOOTH) * positive(1.0 + dissipation * v, 1e-3)
     return stiffness * (below - above)
@@ -104,20 +104,20 @@ def smooth_stop(q: Any, v: Any, lower: float, upper: float, stiffness: float, di
 
 @dataclass(slots=True)
 class Torques:
-    """Torque of every joint in every tick, in [N m]."""
+    """Torque of every joint in every tick, in [N·m]."""
 
     rows: list[list[float]]
 
 
 class Replay(Controller):
-    """Torques that are given beforehand, and nothing else."""
+    """Controller that applies given torques only."""
 
     def __init__(self, torques: np.ndarray) -> None:
-        """Take the torques in [N m], shape ``(n_ticks, n_joints)``."""
+        """Take the torques in [N·m], shape ``(n_ticks, n_joints)``."""
         self.torques = torques
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """No springs, and nothing that is compensated."""
+        """Set no springs and no compensation."""
         return np.zeros_like(rows)
 
     def initial_memory(self, plan: Plan) -> Torques:
@@ -126,7 +126,7 @@ class Replay(Controller):
 
     @staticmethod
     def tick(memory: Torques, device: Any, tick: int, period: float) -> None:
-        """Demand those of this tick."""
+        """Set the torques of this tick."""
         for number in range(len(device.joints)):
             device.joints[number].setpoint.target = memory.rows[tick][number]
 
@@ -139,8 +139,8 @@ class Walk:
         problem: Of the plant.
         times: Of the states in [s], shape ``(m,)``, the first 0.
         states: Coordinates and velocities, shape ``(2 n, m)``.
-        torques: Of the motors at the ends of the intervals in [N m], shape ``(joints, intervals + 1)``.
-        weight: Of the mean square torque in [N m]² beside the mean square error in [deg]².
+        torques: Of the motors at the ends of the intervals in [N·m], shape ``(joints, intervals + 1)``.
+        weight: Of the mean square torque in [N·m]² beside the mean square error in [deg]².
         optimality: Largest error of the scaled conditions of optimality.
         succeeded: Whether ipopt came to its tolerance.
         unknowns: All of them, to start another search from.
@@ -169,7 +169,7 @@ class Walk:
         return create_engine(replace(problem, world=world)).run()
 
     def drift(self, run: Run) -> float:
-        """Largest difference of a motor-driven angle of the whole replay from the solution in [deg]."""
+        """Return the largest difference of a motor-driven angle of the replay from the solution in [deg]."""
         states = self.states_at(np.arange(len(run.log)) * TICK)
         joints = self.problem.joints
         angles = np.array([run.log[f"{item.side}_{item.joint}_angle_rad"] for item in joints])
@@ -190,7 +190,7 @@ class Walk:
         return replace(run, log=log, switches=(), experiment=experiment)
 
     def states_at(self, times: np.ndarray) -> np.ndarray:
-        """States at any times of the half stride, by the polynomials of the collocation."""
+        """Return the states at any times of the half stride by the collocation polynomials."""
         length = self.times[POINTS]
         k = np.clip((times / length).astype(int), 0, self.torques.shape[1] - 2)
         share = times / length - k
@@ -204,7 +204,7 @@ class Walk:
 
 
 class Search:
-    """The nonlinear programme of one experiment; goals and weight of the effort are left open.
+    """Nonlinear programme of one experiment; goals and weight of the effort are parameters.
 
     Attributes:
         problem: Of the plant.
@@ -213,7 +213,7 @@ class Search:
     """
 
     def __init__(self, experiment: Experiment, intervals: int, stride_time: float | None = None) -> None:
-        """Write the programme down.
+        """Formulate the programme.
 
         Args:
             intervals: Of half a stride.
@@ -258,7 +258,7 @@ class Search:
         self._parts = ca.Function("parts", [self.unknowns], [ca.horzcat(start, later), ends])
 
     def _reference(self) -> np.ndarray:
-        """Angles of the joints in [rad]; the second leg is half a stride ahead."""
+        """Return the reference angles of the joints in [rad]; the second leg is half a stride ahead."""
         first, percent = self.problem.sides[0], 50.0 * self.times / self.half
         return np.array(
             [
@@ -300,16 +300,14 @@ class Search:
         ]
 
     def _bounds(self, goals: Goals) -> tuple[np.ndarray, np.ndarray]:
-        """Least and most of all that is constrained."""
+        """Return the lower and upper bounds of all constraints."""
 
         def number(bound: float | str) -> float:
             if not isinstance(bound, str):
                 return bound
             return -getattr(goals, bound[1:]) if bound[0] == "-" else getattr(goals, bound)
 
-        sides = (
-            [np.full(item[0].numel(), number(item[place])) for item in self._limited] for place in (1, 2)
-        )
+        sides = ([np.full(item[0].numel(), number(item[end])) for item in self._limited] for end in (1, 2))
         least, most = (np.concatenate([self._equal, *side]) for side in sides)
         return least, most
 
@@ -344,7 +342,7 @@ class Search:
         return np.concatenate([part.ravel("F") for part in parts])
 
     def solve(self, guess: np.ndarray, weight: float, goals: Goals = NOTHING) -> Walk:
-        """Search from a guess for the walk of least error and weighted effort, and return it."""
+        """Search from a guess for the walk of minimum error and weighted effort, and return it."""
         least, most = self._bounds(goals)
         found = self._solver(x0=guess, p=weight, lbx=-self._bound, ubx=self._bound, lbg=least, ubg=most)
         states, torques = (np.array(item) for item in self._parts(found["x"]))
@@ -363,7 +361,7 @@ class Search:
 
 
 def _linear(nodes: np.ndarray, intervals: int) -> np.ndarray:
-    """Shares of the values at the ends of the intervals in those at the points of collocation."""
+    """Return the matrix from values at the ends of the intervals to values at the collocation points."""
     shares = np.zeros((intervals + 1, len(nodes) * intervals))
     for k, j in itertools.product(range(intervals), range(len(nodes))):
         shares[k : k + 2, len(nodes) * k + j] = 1.0 - nodes[j], nodes[j]
@@ -371,7 +369,7 @@ def _linear(nodes: np.ndarray, intervals: int) -> np.ndarray:
 
 
 def _slopes(slopes: np.ndarray, intervals: int) -> np.ndarray:
-    """Shares of all states, the first one included, in the slopes at the points of collocation."""
+    """Return the matrix from all states to the slopes at the collocation points."""
     shares = np.zeros((POINTS * intervals + 1, POINTS * intervals))
     for k in range(0, POINTS * intervals, POINTS):
         shares[k : k + POINTS + 1, k : k + POINTS] = slopes
@@ -379,18 +377,18 @@ def _slopes(slopes: np.ndarray, intervals: int) -> np.ndarray:
 
 
 def _mirror(problem: SimulationSetup) -> tuple[list[int], list[int]]:
-    """Places of the states, and of the joints, with left and right exchanged."""
+    """Return the indices of states and joints with left and right exchanged."""
     model, (one, two) = problem.world.model, problem.sides
-    places = list(range(model.nv))
+    order = list(range(model.nv))
     for side, opposite in ((one, two), (two, one)):
         for joint, _ in model.legs[side].items():
-            places[model.index(side, joint)] = model.index(opposite, joint)
+            order[model.index(side, joint)] = model.index(opposite, joint)
     joints = [item.coordinate for item in problem.joints]
-    return places + [place + model.nv for place in places], [joints.index(places[item]) for item in joints]
+    return order + [index + model.nv for index in order], [joints.index(order[item]) for item in joints]
 
 
 def _most_torque(problem: SimulationSetup, number: int) -> float:
-    """Torque of a motor at the limit of its current."""
+    """Return the torque of a motor at its current limit."""
     motor = problem.actuator(problem.joints[number])
     return current_to_torque(
         problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio

@@ -1,7 +1,7 @@
-"""What must hold in every run with a fault, told from the log alone.
+"""Invariants of every run with a fault, checked on the log alone.
 
 The monitor steps through the laws of :mod:`twin_gait.core.safety` tick by tick; here the same bounds are
-laid over whole columns of the log, as a cross-check of when a bound was broken.
+applied to whole columns of the log, as a cross-check of the time at which a bound was exceeded.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Values = np.ndarray
 
 
 class Audit(NamedTuple):
-    """What a log says of a run with a monitor, beyond :func:`twin_gait.studies.fault_row`.
+    """Findings in the log of a run with a monitor, in addition to :func:`twin_gait.studies.fault_row`.
 
     Attributes:
-        hold_kept: Whether the hold, once there, is on every joint in every tick to the end, and its damper
+        hold_kept: Whether the hold acts on every joint in every tick from its start on, and its damper
             never drives; true without a trip.
         reaction_s: Time from the first tick in which the bound was broken to the hold on every joint; NaN
             without a trip, or if the log shows no breach.
@@ -45,7 +45,7 @@ class Audit(NamedTuple):
 
 
 def stated_reaction(cause: TripCause, settings: SafetyParameters) -> float:
-    """Longest time from the first tick outside a bound to the hold on every joint, in [s].
+    """Return the longest time from the first tick outside a bound to the hold on every joint, in [s].
 
     Args:
         cause: Of the trip.
@@ -92,7 +92,7 @@ def _sinking(run: Run, start: int) -> float:
 
 
 def _joints(run: Run) -> list[tuple[Side, JointName]]:
-    """Driven joints of a run."""
+    """Return the driven joints of a run."""
     return [(side, JointName(name)) for side in run.sides for name in run.table.joints]
 
 
@@ -102,7 +102,7 @@ def _column(run: Run, side: Side, joint: JointName, column: str) -> Values:
 
 
 def _in_hold(run: Run) -> Values:
-    """Ticks in which every joint has the parameters of the hold: no spring, its damper, no compensation."""
+    """Return the ticks in which all joints have the hold: no spring, its damper, no compensation."""
     damping = run.experiment.control.safety.hold_damping
     holds = [
         (_column(run, *joint, "stiffness_Nm_per_rad") == 0.0)
@@ -115,7 +115,7 @@ def _in_hold(run: Run) -> Values:
 
 
 def hold_start(run: Run) -> int | None:
-    """First tick in which the hold is on every joint, or None."""
+    """Return the first tick in which the hold acts on every joint, or None."""
     ticks = np.flatnonzero(_in_hold(run))
     return int(ticks[0]) if len(ticks) else None
 
@@ -134,7 +134,7 @@ def _hold_kept(run: Run, start: int) -> bool:
 
 
 def breach_tick(run: Run, trip: Trip) -> int | None:
-    """First tick of the breach that led to a trip, from the log.
+    """Return the first tick of the breach that led to a trip, from the log.
 
     Args:
         run: The run.
@@ -188,7 +188,7 @@ def _frozen(angles: Values, run: Run, trip: Trip) -> Values:
 
 
 def _inferred_speed(run: Run, trip: Trip) -> Values:
-    """Speed that the drive inferred in the tick before in [rad] / [s]."""
+    """Return the speed that the drive inferred in the previous tick in [rad/s]."""
     assert trip.side is not None
     joint = trip.joint or JointName.HIP
     motor = run.experiment.plant.actuators[joint]
@@ -221,7 +221,7 @@ def _leaves_range(angles: Values, run: Run, trip: Trip) -> Values:
 
 
 def _resistance(run: Run, motor: ActuatorParameters) -> float:
-    """Of winding and inverter in [Ω]."""
+    """Return the resistance of winding and inverter in [Ω]."""
     return motor.resistance + run.experiment.plant.electronics.inverter_resistance
 
 
@@ -244,7 +244,7 @@ def _too_hot(current: Values, run: Run, trip: Trip) -> Values:
     return outside
 
 
-def _disobeys(current: Values, run: Run, trip: Trip) -> Values:
+def _ignores_command(current: Values, run: Run, trip: Trip) -> Values:
     """Return the ticks in which the current deviates from that of target, bus voltage and speed."""
     assert trip.side is not None and trip.joint is not None
     motor = run.experiment.plant.actuators[trip.joint]
@@ -259,7 +259,7 @@ def _disobeys(current: Values, run: Run, trip: Trip) -> Values:
     return mask
 
 
-def _load_stands_still(run: Run, trip: Trip) -> Values:
+def _load_freezes(run: Run, trip: Trip) -> Values:
     """Return the ticks of motion from the fault on, with a frozen sensor; the log has the true load."""
     injected = [round(item.time / TICK) for item in run.experiment.faults if item.side is trip.side]
     moving = np.abs(_inferred_speed(run, trip)) > _settings(run).frozen_speed
@@ -267,8 +267,8 @@ def _load_stands_still(run: Run, trip: Trip) -> Values:
     return mask
 
 
-def _strays(run: Run, trip: Trip) -> Values:
-    """Ticks in which the filtered deviation of the command from its set point is too large."""
+def _deviates(run: Run, trip: Trip) -> Values:
+    """Return the ticks in which the filtered deviation of the command from its setpoint is too large."""
     assert trip.side is not None and trip.joint is not None
     settings = _settings(run)
     found = filtered(deviations(run, trip.side, trip.joint), settings.command_time_constant)
@@ -302,10 +302,10 @@ _BREACHES: dict[TripCause, Callable[[Run, Trip], Values]] = {
         ),
     ),
     TripCause.WINDING_HEAT: _of_joint("measured_current_A", _too_hot),
-    TripCause.DRIVE: _of_joint("measured_current_A", _disobeys),
-    TripCause.FOOT_LOAD_FROZEN: _load_stands_still,
+    TripCause.DRIVE: _of_joint("measured_current_A", _ignores_command),
+    TripCause.FOOT_LOAD_FROZEN: _load_freezes,
     TripCause.SUPPLY: _supply_low,
-    TripCause.SETPOINT: _strays,
+    TripCause.SETPOINT: _deviates,
 }
 
 

@@ -1,4 +1,4 @@
-"""Deviation of the command of a joint from its set point, computed from the columns of a log."""
+"""Deviation of the command of a joint from its setpoint, computed from the columns of a log."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Values = np.ndarray
 
 
 def deviations(run: Run, side: Side, joint: JointName) -> Values:
-    """Compute the deviation that the monitor of a joint reads in each tick, in [N m].
+    """Compute the deviation that the monitor of a joint reads in each tick, in [N·m].
 
-    The command of a tick is compared with the torque that the set point of the same tick gives for the angle
+    The command of a tick is compared with the torque that the setpoint of the same tick gives for the angle
     and the velocities that are measured in the next tick. The first tick has no command before it.
     """
 
@@ -28,13 +28,13 @@ def deviations(run: Run, side: Side, joint: JointName) -> Values:
     stretch = column("measured_angle_rad")[1:] - column("equilibrium_rad")[:-1]
     spring = column("stiffness_Nm_per_rad")[:-1] * stretch
     damper = column("damping_Nms_per_rad")[:-1] * column("velocity_fast_rad_per_s")[1:]
-    slow, places = np.unique(column("velocity_slow_rad_per_s")[1:], return_inverse=True)
+    slow, inverse = np.unique(column("velocity_slow_rad_per_s")[1:], return_inverse=True)
     law = run.experiment.control.friction_model[joint]
     parameters = law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
     torques = [rotational_friction_torque(float(velocity), *parameters) for velocity in slow]
     forward = sum(column(f"{part}_torque_Nm")[:-1] for part in FED_FORWARD)
     expected = (
-        -(spring + damper) + column("friction_compensation_gain")[:-1] * np.array(torques)[places] + forward
+        -(spring + damper) + column("friction_compensation_gain")[:-1] * np.array(torques)[inverse] + forward
     )
     return np.concatenate([[0.0], column("motor_command_torque_Nm")[:-1] - expected])
 
@@ -50,7 +50,7 @@ def filtered(values: Values, time_constant: float) -> Values:
 
 
 def largest_deviation(run: Run) -> float:
-    """Compute the largest filtered deviation of all joints before a trip, in [N m].
+    """Compute the largest filtered deviation of all joints before a trip, in [N·m].
 
     It is the smallest bound with which the commands of the run cause no trip.
     """

@@ -26,7 +26,7 @@ COLOURS = {
 
 
 def draw_campaign(table: pd.DataFrame, example: Run) -> Figure:
-    """Outcomes and detection times by kind, and the knees of a run that trips."""
+    """Draw outcomes and detection times by kind, and the knees of a run that trips."""
     figure = Figure(figsize=(11.0, 7.6), layout="constrained")
     grid = figure.add_gridspec(3, 2, height_ratios=[2.2, 1.0, 1.0])
     kinds = list(table["kind"].unique())
@@ -36,7 +36,7 @@ def draw_campaign(table: pd.DataFrame, example: Run) -> Figure:
     knee = figure.add_subplot(grid[1, :])
     _draw_trip(knee, example, "angle_rad", float(np.degrees(1.0)), "knee [°]")
     torque = figure.add_subplot(grid[2, :], sharex=knee)
-    _draw_trip(torque, example, "motor_torque_Nm", 1.0, "motor torque [N m]")
+    _draw_trip(torque, example, "motor_torque_Nm", 1.0, "motor torque [N·m]")
     torque.set_xlabel("time [s]")
     knee.tick_params(labelbottom=False)
     knee.legend(loc="upper right", ncols=3, frameon=False)

@@ -18,10 +18,10 @@ from twin_gait.studies.batch import override_experiment
 from twin_gait.studies.fault_campaign import draw_faults
 from twin_gait.worlds.faults import Fault, FaultKind
 
-RATES = (5.0, 2000.0)  # [N m] / [s]: a third of the bound in a stride, and the torque limit in 30 ms
+RATES = (5.0, 2000.0)  # [N·m/s]: a third of the bound in a stride, and the torque limit in 30 ms
 REST = 4.0  # [s] that a run lasts at least after the last runaway begins
 APART = 0.5  # [s] between a runaway and a second fault, at most and either way
-UNBOUNDED = 1e3  # [N m]: the largest bound; a command trips as implausible at 300 N m, long before
+UNBOUNDED = 1e3  # [N·m]: the largest bound; a command trips as implausible at 300 N·m, long before
 WITHOUT = {"control.safety.command_deviation_Nm": UNBOUNDED}
 
 
@@ -59,7 +59,7 @@ def with_faults(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
 
 
 def runaway_row(run: Run) -> dict[str, Any]:
-    """Return what became of a run with a runaway."""
+    """Return the outcome of a run with a runaway."""
     runaway, trip = run.experiment.faults[0], run.trip
     return {
         "faults": " ".join(map(str, run.experiment.faults)),
@@ -103,7 +103,7 @@ def walker_of(experiment: Experiment, changes: dict[str, Any]) -> Experiment:
 
 
 def walker_row(run: Run) -> dict[str, Any]:
-    """Return how a walk without a fault went, and the largest deviation of its commands."""
+    """Return the outcome of a walk without a fault, and the largest deviation of its commands."""
     return {
         "outcome": str(run.verdict.outcome or run.status),
         "cause": "" if run.trip is None else str(run.trip.cause),
@@ -124,7 +124,7 @@ def draw_runaway_map(without: pd.DataFrame, table: pd.DataFrame) -> Figure:
             size = 10 if outcome == "fell" else 4
             rates = rows["rate_Nm_per_s"].abs()[chosen]
             axes.plot(rates, ends[chosen], ".", color=colour, markersize=size, label=outcome)
-        axes.set(xscale="log", yscale="log", xlabel="rate of the runaway [N m/s]")
+        axes.set(xscale="log", yscale="log", xlabel="rate of the runaway [N·m/s]")
         axes.set_title(f"{title} the bound on the deviation", loc="left")
         axes.spines[["top", "right"]].set_visible(False)
     panels[0].set_ylabel("time to the trip, or to the end [s]")

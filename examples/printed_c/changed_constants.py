@@ -1,4 +1,4 @@
-"""Changed constants of printed C: whether the test of a project notices them, and the reason if it cannot.
+"""Changed constants of printed C: whether the test of a project detects them, and the reason if it cannot.
 
 Every number in the tables of a unit is changed alone: a real number by 1 %, or from 0 to 0.01 (to 1000 if it
 is an initial value); a whole number and a code of the CAN codec by 1, which is subtracted from counts. The
@@ -67,7 +67,7 @@ class Unit:
         tables = list(_TABLE.finditer(self.text))
         before, rest = self.text[: tables[0].start()], _TABLE.sub(r"\1;", self.text[tables[0].start() :])
         self.code = rest
-        self._read_bodies = {int(place) for place in re.findall(r"\bbodies\[(\d+)\]", rest)}
+        self._read_bodies = {int(index) for index in re.findall(r"\bbodies\[(\d+)\]", rest)}
         lines = [line for table in tables for line in self._assigned(table)]
         setter = ["#include <stdlib.h>", "#include <string.h>", "static int changed_constant, poisoned;"]
         setter += ["#define OR(place, old, new, poison) \\"]
@@ -126,12 +126,12 @@ class Unit:
         else:
             yield f"    {name} = {assigned};"
 
-    def notices(self, place: int, poison: int = -1) -> bool:
-        """Return whether the test fails with constant number ``place``, from 1, changed; 0 changes none.
+    def detects(self, number: int, poison: int = -1) -> bool:
+        """Return whether the test fails with constant ``number``, from 1, changed; 0 changes none.
 
-        ``poison``: index in ``POISONS`` of the number that takes its place; -1 for the changed number.
+        ``poison``: index in ``POISONS`` of the number that replaces it; -1 for the changed number.
         """
-        environment = {**os.environ, "CHANGED": str(place), "POISON": str(poison)}
+        environment = {**os.environ, "CHANGED": str(number), "POISON": str(poison)}
         command = [self._program, *self._files]
         try:
             done = subprocess.run(
@@ -141,13 +141,13 @@ class Unit:
             return True
         return done.returncode != 0
 
-    def reason(self, place: int) -> str:
-        """Return why a change that is not noticed has no effect; ``UNEXPLAINED`` if there is no reason."""
-        change = self.changes[place - 1]
+    def reason(self, number: int) -> str:
+        """Return why an undetected change has no effect; ``UNEXPLAINED`` if there is no reason."""
+        change = self.changes[number - 1]
         if change.field and not re.search(rf"(?:->|\.){change.field}\b", self.code):
             return NEVER_READ
         poisons = range(len(POISONS)) if "_at_start" in change.table else ()
-        if poisons and not any(self.notices(place, poison) for poison in poisons):
+        if poisons and not any(self.detects(number, poison) for poison in poisons):
             return OVERWRITTEN
         if change.field in ("timeout_ticks", "tick") and f".{change.field} = -{change.old}" in change.entry:
             return NONE
@@ -180,7 +180,7 @@ class Unit:
         return [float(sign + number) for sign, number in found]
 
     def _is_shorter(self, change: Change) -> bool:
-        """Return whether the changed ticks pass before another time that the transition has to wait for."""
+        """Return whether the changed ticks pass before another time of the transition."""
         rules = list(zip(*map(self._numbers, ("source", "debounce_ticks")), strict=True))
         if change.field == "debounce_ticks":  # With a guard that is always open, of no results.
             (first,), (end,), (timeout,) = (
@@ -194,7 +194,7 @@ class Unit:
         return int(change.new) <= min(waits) - begins
 
     def _current_is_out_of_reach(self, change: Change) -> bool:
-        """Return whether the largest torque of every motor takes less than the largest current."""
+        """Return whether the largest torque of every motor needs less than the largest current."""
         (torque,), (current,) = (self._numbers(name, change.entry) for name in ("torque", "current"))
         motors = zip(*map(self._numbers, ("torque_constant", "gear_ratio")), strict=True)
         return all(torque / (constant * ratio) < current for constant, ratio in motors)
@@ -214,14 +214,14 @@ def _changed(found: re.Match[str], table: str, field: str, largest: int) -> str:
 
 
 def classified(unit: Unit, step: int = 1) -> tuple[Counter[str], list[Change]]:
-    """Return how many constants are noticed or have which reason, and those that have none.
+    """Return the numbers of detected constants and of each reason, and the constants without a reason.
 
     ``step``: 1 for every constant, 2 for every second one.
     """
-    assert not unit.notices(0), "the test of the project itself fails"
+    assert not unit.detects(0), "the test of the project itself fails"
 
-    def found(place: int) -> str:
-        return NOTICED if unit.notices(place) else unit.reason(place)
+    def found(number: int) -> str:
+        return NOTICED if unit.detects(number) else unit.reason(number)
 
     with ThreadPoolExecutor(2) as pool:
         results = list(pool.map(found, range(1, len(unit.changes) + 1, step)))

@@ -1,7 +1,7 @@
-"""Tests of the knee on the bench behind the figures of the controllers, and what is read from their logs.
+"""Tests of the knee on the bench for the figures of the controllers, and evaluation of their logs.
 
 The thesis prints G, k and θ0 of these tests, but neither the path nor the speed of the hand. All tests here
-stay within what it does print: the range of the knee, and the fastest velocity of its friction figures.
+stay within the printed limits: the range of the knee, and the largest velocity of its friction figures.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ MODEL = BENCH_FRICTION[KNEE]  # of the compensator: table 3.1
 USABLE_GAINS = (0.20, 0.60)
 RATIO = USABLE_GAINS[1]
 GAINS = (0.35, 0.40, 0.45)  # of figure 3.7
-STIFFNESS_PER_DEG = 0.05  # k in [N m] / [deg] (thesis 2.4)
-STIFFNESS = math.degrees(STIFFNESS_PER_DEG)  # [N m] / [rad]
+STIFFNESS_PER_DEG = 0.05  # k in [N·m/deg] (thesis 2.4)
+STIFFNESS = math.degrees(STIFFNESS_PER_DEG)  # [N·m/rad]
 EQUILIBRIUM = math.radians(60.0)  # θ0 of the knee (thesis 2.4)
 PRINTED_DELAY = 0.5  # [s] of the velocity filter (thesis 3.1)
-# Greatest velocity of the hand in [rad] / [s]: the middle and the end of the axis of figures 3.2 and 3.3. The
+# Greatest velocity of the hand in [rad/s]: the middle and the end of the axis of figures 3.2 and 3.3. The
 # first is used where one will do.
 HAND_VELOCITIES = (0.3, 0.6)
 # The range of the knee is -4° to 122° (thesis 2.4), 63° to either side; 7° are left before the stops.
@@ -48,12 +48,12 @@ SHORT_REACH = math.radians(20.0)  # the bench's usual path, 40° there and back
 
 
 def frequency_of(reach: float, fastest: float = HAND_VELOCITIES[0]) -> float:
-    """Frequency in [Hz] of a path, from its reach to either side in [rad] and velocity in [rad] / [s]."""
+    """Return the frequency [Hz] of a path from its amplitude [rad] and velocity [rad/s]."""
     return fastest / (2.0 * math.pi * reach)
 
 
 def torque_control(gain: float, *, stiffness: float = 0.0) -> TorqueControl:
-    """Friction compensation (2.16) with G, or impedance control (2.18) with k in [N m] / [rad] too."""
+    """Return friction compensation (2.16) with G, or impedance control (2.18) with k in [N·m/rad]."""
     return TorqueControl(
         friction_model=MODEL,
         friction_compensation_gain=gain,
@@ -75,7 +75,7 @@ def moved_by_hand(
     fastest: float = HAND_VELOCITIES[0],
     ratio: float = RATIO,
 ) -> BenchJoint:
-    """Motion imposed by hand to and fro about θ0, twice, from flexion; the first period holds the start."""
+    """Return two periods of a motion imposed by hand about θ0, from flexion; the first contains the start."""
     frequency = frequency_of(reach, fastest)
     return knee_test(
         control,
@@ -101,39 +101,39 @@ def with_ideal_current(test: BenchJoint) -> BenchJoint:
 
 
 def last_period(run: BenchRun) -> slice:
-    """Rows of the last period of the hand; the first one holds the start from rest."""
+    """Return the rows of the last period of the hand; the first period contains the start from rest."""
     return slice(len(run.log) - round(1.0 / (run.test.imposed_motion.frequency * TICK)), len(run.log))
 
 
 def torque_per_ampere(run: BenchRun) -> float:
-    """K_t τ η at the joint in [N m] / [A]."""
+    """Return K_t τ η at the joint in [N·m/A]."""
     motor = run.test.actuator
     return motor.torque_constant * motor.gear_ratio
 
 
 def electromechanical_torque(run: BenchRun) -> np.ndarray:
-    """T_em of a log in [N m], of its target current as in the thesis (2.12)."""
+    """Return T_em of a log in [N·m], from its target current as in the thesis (2.12)."""
     return torque_per_ampere(run) * run.column("target_current_A")
 
 
 def angle_from_rest(run: BenchRun, rows: slice = slice(None), column: str = "position_rad") -> np.ndarray:
-    """θ - θ0 in [°]."""
+    """Return θ - θ0 in [°]."""
     return np.degrees(run.column(column)[rows] - EQUILIBRIUM)
 
 
 def work(run: BenchRun, torque: np.ndarray) -> float:
-    """Work in [J] of a torque over the last period; positive if it drives the joint."""
+    """Return the work [J] of a torque over the last period; positive if it drives the joint."""
     rows = last_period(run)
     return float(np.sum(torque[rows] * run.column("motor_velocity_rad_per_s")[rows]) * TICK)
 
 
 def slope_per_deg(run: BenchRun) -> float:
-    """Linear regression of T_em over the angle in the last period, its sign turned, in [N m] / [deg]."""
+    """Return the negative slope of a regression of T_em over the angle in the last period, in [N·m/deg]."""
     rows = last_period(run)
     angle = np.degrees(run.column("position_rad")[rows])
     return -float(np.polyfit(angle, electromechanical_torque(run)[rows], 1)[0])
 
 
 def model_torque(velocity: np.ndarray) -> np.ndarray:
-    """Friction torque in [N m] of the compensator's model, (3.1) with table 3.1."""
+    """Return the friction torque [N·m] of the model of the compensator, (3.1) with table 3.1."""
     return np.array([friction_torque(MODEL, float(value)) for value in velocity])

@@ -1,4 +1,4 @@
-"""Numbers of the thesis beside ours: what claims.yaml states, and a verdict on each."""
+"""Numbers of the thesis compared with ours: claims of claims.yaml, and a verdict on each."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Numbers = Mapping[str, Any]
 
 
 def claims_of(script: str) -> dict[str, list[dict[str, Any]]]:
-    """Claims that a script answers, by figure."""
+    """Return the claims that a script checks, by figure."""
     return yaml.safe_load(CLAIMS.read_text(encoding="utf-8"))[script]
 
 
@@ -58,7 +58,7 @@ def verdict_of(claim: Mapping[str, Any], numbers: Numbers) -> str:
 
 
 def number_text(value: float | None, unit: str = "1") -> str:
-    """Four digits and the unit, with a true minus sign; a dash for no number."""
+    """Format a number with four digits, unit and a true minus sign; a dash for no number."""
     if value is None:
         return "–"
     return f"{value:.4g}".replace("-", "−") + ("" if unit == "1" else f" {unit}")
@@ -75,7 +75,7 @@ def band_text(claim: Mapping[str, Any], numbers: Numbers) -> str:
 
 
 def label_of(figure: str) -> str:
-    """``fig-3.2`` of the key ``fig_3_2``, in which a page could not have a dot."""
+    """Return ``fig-3.2`` for the key ``fig_3_2``, because keys on a page cannot contain a dot."""
     kind, _, number = figure.partition("_")
     return f"{kind}-{number.replace('_', '.')}"
 
@@ -97,11 +97,11 @@ def rows_of(script: str, found: Mapping[str, Numbers]) -> Iterator[dict[str, str
 
 @dataclass
 class Answers:
-    """Numbers and figures of a script, as it makes them.
+    """Numbers and figures of a script.
 
     Attributes:
-        script: Its name, as in claims.yaml.
-        form: Where its results go.
+        script: Name of the script in claims.yaml.
+        form: Form with the folder of the results.
         found: Numbers by figure.
     """
 
@@ -110,13 +110,13 @@ class Answers:
     found: dict[str, Numbers] = field(default_factory=dict)
 
     def add(self, figure: str, numbers: Numbers, picture: Figure | None = None) -> None:
-        """Keep the numbers that answer the claims on a figure, and the figure drawn again."""
+        """Store the numbers for the claims on a figure, and the reproduced figure."""
         self.found[figure] = dict(numbers)
         if picture is not None:
             save(picture, self.form.out / f"{figure}.png", resolution=RESOLUTION)
 
     def conclude(self) -> None:
-        """Write results.json with the table of claims; exit with 1 if a number left its band."""
+        """Write results.json with the table of claims; exit with 1 if a number is out of its band."""
         rows = list(rows_of(self.script, self.found))
         judged = [row for row in rows if row["verdict"] != CALIBRATED]
         failed = [row for row in judged if row["verdict"] == OUT_OF_BAND]

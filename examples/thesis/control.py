@@ -1,4 +1,4 @@
-"""What the thesis shows and says of its controllers, measured on the simulated knee."""
+"""Statements of the thesis on its controllers, measured on the simulated knee."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.worlds.bench_control import OldFrictionModel
 
 OLD = OldFrictionModel()
-SLOW, QUICK = (math.radians(5.0), 0.15), (REACH, 2.5)  # reach in [rad] and velocity in [rad] / [s] of a hand
-AXIS_VELOCITY, AXIS_TORQUE = 6.0, 10.0  # [rad] / [s] and [N m]; the axes of figure 2.12
-SPRING_ANGLE = 20.0  # [deg]; where k was chosen so that the spring has 1 N m (thesis 2.4)
+SLOW, QUICK = (math.radians(5.0), 0.15), (REACH, 2.5)  # reach in [rad] and velocity in [rad/s] of a hand
+AXIS_VELOCITY, AXIS_TORQUE = 6.0, 10.0  # [rad/s] and [N·m]; the axes of figure 2.12
+SPRING_ANGLE = 20.0  # [deg]; where k was chosen so that the spring has 1 N·m (thesis 2.4)
 OFF_LINE_RMSE = 0.0035  # [A], target current and the one computed after the test (thesis 3.5)
-MEASURED_SLOPE = 0.0493  # [N m] / [deg] (thesis 3.6)
+MEASURED_SLOPE = 0.0493  # [N·m/deg] (thesis 3.6)
 SLOPE_SHARE = 0.02  # of k, by which the slope may fall short
-# Velocities of the hand in [rad] / [s] for the slope against it, to the fastest of the thesis's logs.
+# Velocities of the hand in [rad/s] for the slope against it, to the fastest of the thesis's logs.
 VELOCITIES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-OTHER_RATIO = 0.5  # of a second joint, to see that the motor's loop does not know which joint it is on
+OTHER_RATIO = 0.5  # of a second joint, to show that the loop of the motor does not depend on the joint
 GAIN_GRID = (0.0, USABLE_GAINS[0], *GAINS, USABLE_GAINS[1], 0.7)
 
 
@@ -57,20 +57,20 @@ GAIN_GRID = (0.0, USABLE_GAINS[0], *GAINS, USABLE_GAINS[1], 0.7)
 
 
 def old_model_test(reach: float, fastest: float, seed: int = SEED) -> BenchRun:
-    """Impose a motion on the knee with all of table 3.1's friction; the old model compensates, G = 1."""
+    """Impose a motion on the knee with the friction of table 3.1; the old model compensates, G = 1."""
     control = replace(torque_control(1.0), old_model=OLD)
     test = moved_by_hand(control, reach=reach, fastest=fastest, ratio=1.0)
     return simulate_bench(with_ideal_current(test), seed=seed)
 
 
 def old_law(velocity: np.ndarray) -> np.ndarray:
-    """Old friction model in [N m], equation (2.5)."""
+    """Compute the old friction model in [N·m], equation (2.5)."""
     law = OLD.coulomb, OLD.viscous, OLD.steepness
     return np.array([coulomb_viscous_tanh_torque(speed, *law) for speed in velocity.tolist()])
 
 
 def seen_steepness(run: BenchRun) -> float:
-    r"""Steepness of the old model in [s] / [rad] as a log shows it.
+    r"""Return the steepness of the old model in [s/rad] from a log.
 
     Median of κ in :math:`T = F_s \tanh(\kappa\omega) + F_v\omega` over every row of the last period between
     a fifth and four fifths of F_s.
@@ -83,7 +83,7 @@ def seen_steepness(run: BenchRun) -> float:
 
 
 def old_model_numbers(slow: BenchRun) -> dict[str, float]:
-    """Steepness that was seen, what the old model gives too much, and how fast the joint can be."""
+    """Return the measured steepness, the excess torque of the old model, and the largest joint speed."""
     motor, velocity = slow.test.actuator, np.linspace(0.02, 0.6, 400)
     surplus = old_law(velocity) - model_torque(velocity)
     return {
@@ -104,14 +104,14 @@ def spring_test(gain: float = 0.0, seed: int = SEED) -> BenchRun:
 
 
 class Hand(NamedTuple):
-    """A motion imposed by hand: to either side in [rad], velocity in the middle in [rad] / [s]."""
+    """Motion imposed by hand: amplitude in [rad], velocity in the middle in [rad/s]."""
 
     reach: float
     fastest: float
 
     @property
     def words(self) -> str:
-        """For a legend."""
+        """Format the motion for a legend."""
         return f"{2.0 * math.degrees(self.reach):.0f}°, up to {self.fastest} rad/s"
 
 
@@ -129,7 +129,7 @@ class CurrentErrors:
 
 
 def off_line_current(run: BenchRun, phase: int) -> np.ndarray:
-    """Target current in [A] computed after the test, from nothing but the log's velocity.
+    """Compute the target current [A] after the test from the velocity of the log only.
 
     The post-processing of section 2.3.1 on the log's 1 kHz velocity, the friction model, equation (2.16);
     each value is held until the next one. The first sample kept is that of row ``phase``, 0 to 9: a log does
@@ -153,7 +153,7 @@ def current_errors(hand: Hand, seed: int = SEED) -> CurrentErrors:
 
 
 def expected_rmse(run: BenchRun) -> float:
-    r"""RMSE in [A] of target and measured current by its parts.
+    r"""Compute the RMSE [A] of target and measured current from its parts.
 
     The noise of a sample and the lag of the loop: at an acceleration :math:`\alpha` the back-EMF is a ramp,
     which the integral gain :math:`\omega_b R` follows with the error :math:`K_e\,\tau\,\alpha/(\omega_b R)`.
@@ -165,12 +165,12 @@ def expected_rmse(run: BenchRun) -> float:
 
 
 def geometric_mean_and_spread(values: Sequence[float]) -> tuple[float, float]:
-    """Root of least times largest, and the factor from it to both."""
+    """Return the root of smallest times largest value, and the factor from it to both."""
     return math.sqrt(min(values) * max(values)), math.sqrt(max(values) / min(values))
 
 
 def current_numbers(found: Sequence[CurrentErrors]) -> dict[str, Any]:
-    """Errors of the currents over all hands, in [A] and [mA]."""
+    """Return the errors of the currents over all motions, in [A] and [mA]."""
     measured, parts = [each.measured for each in found], [expected_rmse(each.run) for each in found]
     # Every phase is as likely as the others.
     off_line = [rms(np.array(each.off_line)) for each in found]
@@ -195,10 +195,10 @@ def current_numbers(found: Sequence[CurrentErrors]) -> dict[str, Any]:
 
 
 def closed_slope(gain: float, reach: float, fastest: float, delay: float) -> float:
-    r"""Slope of T_em over the angle for a rigid hand on a cosine path, in closed form but for one integral.
+    r"""Compute the slope of T_em over the angle for a rigid hand on a cosine path, with one integral.
 
-    The compensation answers to a velocity that is :math:`\delta` old, so part of it goes with the angle and
-    takes off from the spring:
+    The compensation uses a velocity that is :math:`\delta` old: a part of it is in phase with the angle and
+    reduces the slope of the spring:
 
     .. math::
 
@@ -206,12 +206,12 @@ def closed_slope(gain: float, reach: float, fastest: float, delay: float) -> flo
 
     Args:
         gain: G.
-        reach: Of the hand to either side in [rad].
-        fastest: Its velocity in the middle in [rad] / [s].
+        reach: Amplitude of the hand in [rad].
+        fastest: Velocity of the hand in the middle in [rad/s].
         delay: δ in [s].
 
     Returns:
-        In [N m] / [deg].
+        The slope in [N·m/deg].
     """
     angle = 2.0 * math.pi * (np.arange(2000) + 0.5) / 2000
     position, velocity = reach * np.cos(angle), -fastest * np.sin(angle - fastest / reach * delay)
@@ -227,12 +227,12 @@ def simulated_slopes(gain: float = GAINS[0], seed: int = SEED) -> list[float]:
 
 
 def velocity_of_slope(slope: float, slopes: Sequence[float]) -> float:
-    """Velocity of the hand in [rad] / [s] that gives a slope on the bench; NaN if none of them does."""
+    """Return the velocity of the hand [rad/s] that gives a slope on the bench; NaN if there is none."""
     return float(np.interp(-slope, -np.array(slopes), VELOCITIES, left=math.nan, right=math.nan))
 
 
 def impedance_numbers(run: BenchRun, slopes: Sequence[float]) -> dict[str, float]:
-    """Slope and loops of the knee on its spring, and what a late filter takes off the slope."""
+    """Return slope and loops of the knee on its spring, and the change of the slope by a delayed filter."""
     rows, sensors, lowest = last_period(run), run.test.sensors, (1.0 - SLOPE_SHARE) * STIFFNESS_PER_DEG
     friction = model_torque(run.column("motor_velocity_rad_per_s")[rows])
     cycle = float(np.trapezoid(friction, run.column("motor_angle_rad")[rows]))
@@ -269,12 +269,12 @@ class LoopAreas:
 
     @property
     def vanishing_gain(self) -> float:
-        """Gain at which the hand's loop vanishes; NaN if it does not."""
+        """Return the gain at which the loop of the hand vanishes; NaN if it does not."""
         return float(np.interp(0.0, -np.array(self.hand), GAIN_GRID, left=np.nan, right=np.nan))
 
 
 def loop_areas(ratio: float, seed: int = SEED) -> LoopAreas:
-    """Impose the motion with every gain of ``GAIN_GRID``."""
+    """Impose the motion with every gain of ``GAIN_GRID`` and return the areas of the loops."""
     motor, hand = [], []
     for gain in GAIN_GRID:
         test = moved_by_hand(torque_control(gain, stiffness=STIFFNESS), ratio=ratio)
@@ -285,16 +285,16 @@ def loop_areas(ratio: float, seed: int = SEED) -> LoopAreas:
 
 
 def overshoot(run: BenchRun) -> float:
-    """How far in [deg] a joint swings beyond θ0 after the hand has let go."""
+    """Return the overshoot [deg] of a joint beyond θ0 after its release by the hand."""
     free = run.column("motor_angle_rad")[round(run.test.imposed_motion.release_time / TICK) :]
     return float(np.degrees(free.max() - EQUILIBRIUM))
 
 
 def gain_numbers(areas: Sequence[LoopAreas], released: Sequence[BenchRun]) -> dict[str, Any]:
-    """Loops of motor and hand with the gains of figure 3.7, and the swings after a release."""
+    """Return the loops of motor and hand with the gains of figure 3.7, and the swings after a release."""
     first, second = areas
-    places, swings = [GAIN_GRID.index(gain) for gain in GAINS], [overshoot(run) for run in released]
-    motor, hand = ([loop[place] for place in places] for loop in (first.motor, first.hand))
+    indices, swings = [GAIN_GRID.index(gain) for gain in GAINS], [overshoot(run) for run in released]
+    motor, hand = ([loop[index] for index in indices] for loop in (first.motor, first.hand))
     return {
         "motor": motor,
         "hand": hand,

@@ -69,8 +69,8 @@ def draw_old_model(slow: BenchRun, quick: BenchRun) -> Figure:
         axes.plot(fine, model_torque(fine), color=ORANGE, linestyle="--", label="table 3.1")
         axes.set_xlabel("velocity (rad/s)")
     wide.axhspan(-AXIS_TORQUE, AXIS_TORQUE, color=GREY, alpha=0.12, label="axes of the thesis")
-    style_panel(wide, "the whole axis of the thesis", "friction torque (N m)")
-    style_panel(close, "close: a slow hand", "friction torque (N m)")
+    style_panel(wide, "the whole axis of the thesis", "friction torque (N·m)")
+    style_panel(close, "close: a slow hand", "friction torque (N·m)")
     figure.legend(*wide.get_legend_handles_labels(), ncols=4, **BELOW)
     return figure
 
@@ -83,21 +83,21 @@ def draw_spring(run: BenchRun) -> Figure:
     hand = run.column("imposed_motion_torque_Nm")[rows]
     axes.plot(angle, hand, color=REDDISH_PURPLE, label="hand, friction included")
     axes.plot(angle, motor, color=BLUE, label="motor, $-T_{em}$: the spring")
-    axes.plot(SPRING_ANGLE, 1.0, "o", color=VERMILLION, label="thesis: 1 N m at about 20°")
+    axes.plot(SPRING_ANGLE, 1.0, "o", color=VERMILLION, label="thesis: 1 N·m at about 20°")
     axes.set_xlabel("θ - θ0 (deg)")
     axes.legend(loc="upper left", **SMALL)
-    style_panel(axes, "spring of 0.05 N m/deg without friction compensation", "torque (N m)")
+    style_panel(axes, "spring of 0.05 N·m/deg without friction compensation", "torque (N·m)")
     return figure
 
 
 def _turn(values: np.ndarray, rows: slice, after: int) -> slice:
-    """Rows around the one at which values of a period are nearest to zero, away from its ends."""
+    """Return the rows around the value of a period that is nearest to zero, away from its ends."""
     middle = rows.start + 500 + int(np.argmin(np.abs(values[rows.start + 500 : rows.stop - 500])))
     return slice(middle - 150, middle + after)
 
 
 def draw_currents(found: Sequence[CurrentErrors]) -> Figure:
-    """Currents of the first hand over a period and where it turns, and the errors of all by phase."""
+    """Draw currents of the first motion over a period and at its reversal, and all errors by phase."""
     figure = Figure(figsize=(11.0, 6.4), layout="constrained")
     grid = figure.add_gridspec(2, 2)
     period, close = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, 0])
@@ -130,7 +130,7 @@ def _draw_errors(axes: Axes, found: Sequence[CurrentErrors]) -> None:
 
 
 def draw_impedance(run: BenchRun, slopes: Sequence[float]) -> Figure:
-    """Loop of the motor, that of the hand, and the slope against the velocity of the hand."""
+    """Draw the loops of motor and hand, and the slope over the velocity of the hand."""
     figure = Figure(figsize=(12.0, 4.2), layout="constrained")
     motor, hand, speed = figure.subplots(1, 3)
     rows, slope = last_period(run), slope_per_deg(run)
@@ -138,15 +138,15 @@ def draw_impedance(run: BenchRun, slopes: Sequence[float]) -> Figure:
     hand_torque = run.column("imposed_motion_torque_Nm")[rows]
     regression = slope * angle + float(np.mean(torque - slope * angle))
     motor.plot(angle, torque, color=BLUE, linewidth=1.0, label="$-T_{em}$ (motor)")
-    motor.plot(angle, regression, color=ORANGE, label=f"regression: {slope:.4f} N m/deg")
+    motor.plot(angle, regression, color=ORANGE, label=f"regression: {slope:.4f} N·m/deg")
     hand.plot(angle, hand_torque, color=REDDISH_PURPLE, linewidth=1.0, label="hand")
     for axes in (motor, hand):
         label = "$T_{des} = k(θ-θ_0)$"
         axes.plot(angle, STIFFNESS_PER_DEG * angle, ":", color=BLACK, linewidth=1.2, label=label)
         axes.set(xlabel="θ - θ0 (deg)", ylim=(-5.2, 5.2))
         axes.legend(loc="upper left", **SMALL)
-    style_panel(motor, f"the motor's loop is G T_fr; thesis: {MEASURED_SLOPE} N m/deg", "torque (N m)")
-    style_panel(hand, "the hand's loop is what is left of the friction", "torque (N m)")
+    style_panel(motor, f"the motor's loop is G T_fr; thesis: {MEASURED_SLOPE} N·m/deg", "torque (N·m)")
+    style_panel(hand, "the loop of the hand is the residual friction", "torque (N·m)")
     _draw_slopes(speed, run, slopes)
     return figure
 
@@ -163,11 +163,11 @@ def _draw_slopes(axes: Axes, run: BenchRun, slopes: Sequence[float]) -> None:
     axes.axhline(STIFFNESS_PER_DEG, color=BLACK, linewidth=0.8, label=f"k = {STIFFNESS_PER_DEG}")
     axes.set(ylim=(0.0470, 0.0504), xlabel="greatest velocity of the hand (rad/s)")
     axes.legend(loc="lower left", **SMALL)
-    style_panel(axes, "a late filter takes off from the slope", "slope (N m/deg)")
+    style_panel(axes, "a delayed filter reduces the slope", "slope (N·m/deg)")
 
 
 def draw_gain(led: Sequence[BenchRun], released: Sequence[BenchRun], areas: Sequence[LoopAreas]) -> Figure:
-    """Loops of motor and hand for each of ``GAINS``, their areas against G, and the swing after a release."""
+    """Draw loops of motor and hand for all ``GAINS``, their areas over G, and the swing after a release."""
     figure = Figure(figsize=(11.0, 7.6), layout="constrained")
     (motor, hand), (area, swing) = figure.subplots(2, 2)
     for run, gain, colour in zip(led, GAINS, GAIN_COLOURS, strict=True):
@@ -176,11 +176,11 @@ def draw_gain(led: Sequence[BenchRun], released: Sequence[BenchRun], areas: Sequ
         motor.plot(angle, -electromechanical_torque(run)[rows], **look)
         hand.plot(angle, run.column("imposed_motion_torque_Nm")[rows], **look)
     for axes in (motor, hand):
-        axes.plot(angle, STIFFNESS_PER_DEG * angle, color=REDDISH_PURPLE, label="$T_{des}$, 0.05 N m/deg")
+        axes.plot(angle, STIFFNESS_PER_DEG * angle, color=REDDISH_PURPLE, label="$T_{des}$, 0.05 N·m/deg")
         axes.set(xlabel="θ - θ0 (deg)", ylim=(-5.2, 5.2))
         axes.legend(loc="upper left", **SMALL)
-    style_panel(motor, "motor, $-T_{em}$: the loop grows with G by construction", "torque (N m)")
-    style_panel(hand, f"hand: the loop shrinks with G (s = {RATIO})", "torque (N m)")
+    style_panel(motor, "motor, $-T_{em}$: the loop grows with G by construction", "torque (N·m)")
+    style_panel(hand, f"hand: the loop shrinks with G (s = {RATIO})", "torque (N·m)")
     _draw_areas(area, areas)
     for run, gain, colour in zip(released, GAINS, GAIN_COLOURS, strict=True):
         angle, label = (
@@ -209,7 +209,7 @@ def _draw_areas(axes: Axes, areas: Sequence[LoopAreas]) -> None:
 
 
 def draw_delay(found: FilterDelay) -> Figure:
-    """Velocities over a period, and closely where the hand turns."""
+    """Draw velocities over a period, and in detail at the reversal of the hand."""
     figure = Figure(figsize=(10.0, 4.0), layout="constrained")
     wide, close = figure.subplots(1, 2)
     close.xaxis.set_major_locator(MaxNLocator(5))

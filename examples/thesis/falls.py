@@ -1,4 +1,4 @@
-"""The falls of the knee under duty-based transparency control, and what decides when it breaks away."""
+"""Falls of the knee under duty-based transparency control, and causes of its time of break-away."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ GAINS = (1.0, 1.10, 1.15)  # K, thesis 2.2.3
 FREQUENCY = 3.0  # f in [Hz], thesis 2.2.3
 AMPLITUDES = (140.0, 195.0)  # A in counts from the heaviest to the lightest weight, thesis 2.2.3
 STEP = 5.0  # of A in counts, thesis appendix B
-PLACES = 24  # in the sine or on the gear that are tried
+TRIALS = 24  # tried instants of the sine, or positions of the gear
 ZOOM = 1.5  # [s] of a fall that is simulated to see it begin
 
 
 @dataclass(frozen=True, eq=False)
 class Fall:
-    """A fall up to the stop: K, A in counts; time in [s], angle, logged velocity, and share of full duty."""
+    """Fall up to the stop: K, A in counts; time in [s], angle, logged velocity, and share of full duty."""
 
     gain: float
     amplitude: float
@@ -50,17 +50,17 @@ class Fall:
 
     @property
     def speed(self) -> np.ndarray:
-        """After the thesis's post-processing, at 100 Hz in [rad] / [s]."""
+        """Return the speed after the post-processing of the thesis, at 100 Hz in [rad/s]."""
         return moving_average(self.velocity[::FACTOR], WINDOW)
 
     @property
     def mean_speed(self) -> float:
-        """Way over time in [rad] / [s]."""
+        """Return the distance over the time in [rad/s]."""
         return float((self.angle[-1] - self.angle[0]) / self.time[-1])
 
     @property
     def roughness(self) -> float:
-        """Ups and downs of the filtered speed over its largest: 1 if it only grows, 2 more with a stall."""
+        """Return total variation over maximum of the filtered speed: 1 if monotonic, 3 if stalled."""
         speed = self.speed
         return float(np.abs(np.diff(speed, prepend=0.0)).sum() / speed.max())
 
@@ -88,14 +88,14 @@ def _fall(plan: PlannedTest) -> Fall:
 
 
 def torque_per_count() -> float:
-    """Torque of the standing knee by one count of duty, K_t τ V/(N R), in [N m]."""
+    """Return the torque of the resting knee by one count of duty, K_t τ V/(N R), in [N·m]."""
     motor = BENCH.actuator
     current = BENCH.battery.voltage / (BENCH.drive.counts * motor.resistance)
     return motor.torque_constant * motor.gear_ratio * current
 
 
 def neutral_gain(joint: str = KNEE) -> float:
-    r"""K beyond which the linear part of (2.1b) speeds the joint up.
+    r"""Return K beyond which the linear part of (2.1b) accelerates the joint.
 
     The winding brakes with :math:`(K_t\tau)^2 (1 - K p)/R`, :math:`p` the share of the back-EMF in
     :math:`p_1`; with the viscous friction :math:`d` it vanishes at :math:`K = [1 + d R/(K_t\tau)^2]/p`.
@@ -116,20 +116,20 @@ def duty_numbers() -> dict[str, float]:
 
 
 def load_torque(angle: np.ndarray, mass: float, form: LoadAngle = LoadAngle.CORRECTED) -> np.ndarray:
-    """Load torque of the bench in [N m], equation (2.8), as corrected or as printed."""
+    """Compute the load torque of the bench in [N·m], equation (2.8), as corrected or as printed."""
     return BenchSetup(actuator=BENCH_ACTUATORS[KNEE], load_angle=form).load_torque(angle, mass)
 
 
 def fall_numbers(mass: float, seed: int = SEED) -> dict[str, Any]:
-    """Speeds of the falls of a weight, and how rough they are beside those of the next heavier one."""
-    falls, place = falls_of(mass, seed), MASSES.index(mass)
+    """Return the speeds of the falls of a weight, and their roughness compared with the previous weight."""
+    falls, index = falls_of(mass, seed), MASSES.index(mass)
     slow, fast = (np.mean([fall.mean_speed for fall in falls if fall.gain == K]) for K in GAINS[::2])
     numbers: dict[str, Any] = {
         "speed_ratio": float(fast / slow),
         "slowest": float(np.mean([fall.time[-1] for fall in falls if fall.gain == GAINS[0]])),
     }
-    if place:
-        pairs = zip(falls, falls_of(MASSES[place - 1], seed), strict=True)
+    if index:
+        pairs = zip(falls, falls_of(MASSES[index - 1], seed), strict=True)
         ratios = np.log([light.roughness / heavy.roughness for light, heavy in pairs])
         error = float(np.std(ratios, ddof=1)) / math.sqrt(len(ratios))
         numbers["roughness"] = math.exp(float(np.mean(ratios)))
@@ -147,19 +147,19 @@ def fall_numbers(mass: float, seed: int = SEED) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Beginnings:
-    """Falls that differ in one thing, which ``label`` names."""
+    """Falls that differ in one property, named by ``label``."""
 
     label: str
     runs: tuple[BenchRun, ...]
 
     @property
     def breakaway(self) -> np.ndarray:
-        """Times in [s] after which the joint has moved by 1°; NaN for one that did not."""
+        """Return the times [s] after which the joint has moved by 1°; NaN if it has not."""
         return np.array([_breakaway(run) for run in self.runs])
 
     @property
     def spread(self) -> float:
-        """Standard deviation of these times in [s]."""
+        """Return the standard deviation of these times in [s]."""
         return float(np.std(self.breakaway))
 
 
@@ -169,12 +169,12 @@ def _breakaway(run: BenchRun) -> float:
 
 
 def beginnings(seed: int = SEED) -> tuple[Beginnings, Beginnings, Beginnings]:
-    """First instants of a fall of 3 kg with K = 1.10: over A, moment in the sine, place on the gear."""
+    """Simulate the start of falls of 3 kg, K = 1.10, over A, instant of the sine and position of the gear."""
     plans = planned_falls(seed)[3:6]  # K = 1.10 with all A
     tests = [replace(plan.test, duration=ZOOM) for plan in plans]
     middle = replace(tests[0], control=tests[1].control)
-    moments = [round(TRANSPARENCY_STEPS / FREQUENCY * place / PLACES) for place in range(PLACES)]
-    turns = 2.0 * math.pi * np.arange(PLACES) / PLACES
+    moments = [round(TRANSPARENCY_STEPS / FREQUENCY * number / TRIALS) for number in range(TRIALS)]
+    turns = 2.0 * math.pi * np.arange(TRIALS) / TRIALS
     return (
         Beginnings(f"A, {STEP:g} counts apart", tuple(_begin(test, seed) for test in tests)),
         Beginnings("moment in the sine", tuple(_begin(middle, seed, duty_start=tick) for tick in moments)),
@@ -188,7 +188,7 @@ def _begin(test: BenchJoint, seed: int, *, duty_start: int = 0, ripple_phase: fl
 
 
 def spread_of_wait(period: float, share: float) -> float:
-    r"""Spread of the wait for a moment at which the joint can start, switched on at any moment alike.
+    r"""Return the spread of the waiting time until the joint can start, for a uniform switch-on time.
 
     The wait is 0 in the share :math:`s` of each period :math:`T` and uniform up to :math:`(1-s)T` in the
     rest: :math:`\sigma^2 = T^2 [(1-s)^3/3 - (1-s)^4/4]`.
@@ -198,8 +198,8 @@ def spread_of_wait(period: float, share: float) -> float:
 
 
 def breakaway_numbers(sets: Sequence[Beginnings]) -> dict[str, float]:
-    """Spreads of the times of break-away, and the change by A."""
-    amplitudes, moments, places = sets
+    """Return the spreads of the times of break-away, and the change by A."""
+    amplitudes, moments, positions = sets
     times = amplitudes.breakaway
     return {
         "change": float(times[-1] - times[0]),
@@ -209,6 +209,6 @@ def breakaway_numbers(sets: Sequence[Beginnings]) -> dict[str, float]:
         "sine_high": spread_of_wait(1.0 / FREQUENCY, 0.0),
         "amplitude_ms": 1e3 * amplitudes.spread,
         "sine_ms": 1e3 * moments.spread,
-        "gear_ms": 1e3 * places.spread,
+        "gear_ms": 1e3 * positions.spread,
         "sine_over_amplitude": moments.spread / amplitudes.spread,
     }

@@ -31,7 +31,7 @@ _STANDING, _SHOWN = 0.4, 0.6  # [s] of figures A.1 and B.6
 
 
 def draw_static_duty(falls: Sequence[Fall]) -> Figure:
-    """Equation (2.1a) over the protocol's range of A, and the duty in the logs of falls."""
+    """Draw equation (2.1a) over the range of A in the protocol, and the duty in the logs of falls."""
     figure = Figure(figsize=(11.0, 4.2), layout="constrained")
     law, logs = figure.subplots(1, 2, sharey=True)
     ticks = np.arange(int(TRANSPARENCY_STEPS / FREQUENCY) + 1)
@@ -54,7 +54,7 @@ def draw_static_duty(falls: Sequence[Fall]) -> Figure:
 
 
 def draw_viscous_duty(falls: Sequence[Fall]) -> Figure:
-    """Equation (2.1b) and the duty in the logs of falls, over the speed."""
+    """Draw equation (2.1b) and the duty in the logs of falls over the speed."""
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     axes, duty = figure.subplots(), DutyControl()
     end = 1.1 * max(float(fall.velocity.max()) for fall in falls)
@@ -97,7 +97,7 @@ def draw_falls(falls: dict[float, Sequence[Fall]]) -> Figure:
             row[1].plot(fall.speed, torque[::FACTOR], **look)
         counts = f"A = {amplitudes[0]:g} to {amplitudes[-1]:g}"
         style_panel(row[0], f"{mass:g} kg, {counts}", "angle [°]")
-        style_panel(row[1], "", "load torque [N m]")
+        style_panel(row[1], "", "load torque [N·m]")
     for axes, label in zip(rows[-1], ("time [s]", "velocity [rad/s]"), strict=True):
         axes.set_xlabel(label)
     handles, labels = rows[0][0].get_legend_handles_labels()
@@ -106,7 +106,7 @@ def draw_falls(falls: dict[float, Sequence[Fall]]) -> Figure:
 
 
 def draw_breakaway(sets: Sequence[Beginnings]) -> Figure:
-    """Angle over the first instants, a panel for each thing that is varied."""
+    """Draw the angle at the start, with a panel for each varied property."""
     figure = Figure(figsize=(11.0, 4.2), layout="constrained")
     panels = figure.subplots(1, len(sets), sharey=True)
     for axes, item, colour in zip(panels, sets, (BLUE, VERMILLION, BLUISH_GREEN), strict=True):

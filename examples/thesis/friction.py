@@ -1,4 +1,4 @@
-"""Friction identified from simulated campaigns as the thesis does it, and the closed forms beside it."""
+"""Friction identified from simulated campaigns as in the thesis, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LETTERS = {
     "c": "breakaway_velocity_rad_per_s",
     "d": "viscous_friction_Nms_per_rad",
 }
-UNITS = dict(zip(LETTERS, ("N m", "N m", "rad/s", "N m s/rad"), strict=True))
+UNITS = dict(zip(LETTERS, ("N·m", "N·m", "rad/s", "N·m·s/rad"), strict=True))
 LEVEL = 0.999  # of the intervals in bands: so few of the claims may fail by chance
 DEVIATIONS = 3.0  # standard deviations that chance is given in other bands
 AXIS_END = 0.6  # [rad/s], of figures 3.2 and 3.3
@@ -57,7 +57,7 @@ TREATMENTS = (
 
 
 def rms(values: np.ndarray) -> float:
-    """Root of the mean square."""
+    """Return the root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
@@ -68,8 +68,8 @@ def rms(values: np.ndarray) -> float:
 class LawFit:
     """Equation (3.1) fitted to a campaign by least squares, by the letters a, b, c and d in SI units.
 
-    ``intervals`` are those of 95 % by a bootstrap over ``blocks`` tests; ``velocity`` in [rad] / [s],
-    ``torque`` and ``residuals`` (measured less predicted) in [N m] are the samples.
+    ``intervals`` are those of 95 % by a bootstrap over ``blocks`` tests; ``velocity`` in [rad/s],
+    ``torque`` and ``residuals`` (measured less predicted) in [N·m] are the samples.
     """
 
     values: Mapping[str, float]
@@ -81,7 +81,7 @@ class LawFit:
     residuals: np.ndarray
 
     def half_width(self, letter: str, level: float = LEVEL) -> float:
-        """Half the width of an interval: Student's quantile times the bootstrap's standard error."""
+        """Return half the width of an interval: Student's quantile times the bootstrap standard error."""
         low, high = self.intervals[letter]
         quantiles = student.ppf([0.5 + 0.5 * level, 0.5 + 0.5 * 0.95], self.blocks - 1)
         return float(0.5 * (high - low) * quantiles[0] / quantiles[1])
@@ -139,14 +139,14 @@ def _fit(tests: list[FrictionTest], bench: BenchSetup, seed: int) -> LawFit:
 
 
 def table_values(joint: JointName) -> dict[str, float]:
-    """Table 3.1 of the thesis with a, b and c positive."""
+    """Return table 3.1 of the thesis with a, b and c positive."""
     law = BENCH_FRICTION[joint].normalised()
     values = law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
     return dict(zip(LETTERS, values, strict=True))
 
 
 def law_torque(values: Mapping[str, float], velocity: np.ndarray) -> np.ndarray:
-    """Equation (3.1) in [N m] over speeds in [rad] / [s], also with parameters that no joint could have."""
+    """Compute equation (3.1) in [N·m] over speeds in [rad/s], also for impossible parameters."""
     parameters = [values[letter] for letter in LETTERS]
     return np.array([rotational_friction_torque(float(speed), *parameters) for speed in velocity])
 
@@ -166,22 +166,22 @@ def implied_samples(r_squared: float, adjusted: float) -> float:
 
 
 def lagged_viscous(viscous: float, inertia: float, frequency: float) -> float:
-    r"""Viscous coefficient that the thesis's processing finds in a joint led along a sine.
+    r"""Compute the viscous coefficient that the processing of the thesis finds for a sinusoidal motion.
 
     The averaged velocity is late by :math:`\tau_v`, its forward difference by :math:`\tau_a`; both are weaker
-    by :math:`g`. What is left of the inertia is in phase with the velocity:
+    by :math:`g`. The residual inertia torque is in phase with the velocity:
 
     .. math::
 
         d' = \frac{d \cos\Omega\tau_v - J\,\Omega \sin\Omega\tau_v}{g} + J\,\Omega \sin\Omega(\tau_v - \tau_a)
 
     Args:
-        viscous: :math:`d` in [N m s] / [rad].
-        inertia: :math:`J` in [kg m²].
-        frequency: :math:`\Omega` in [rad] / [s].
+        viscous: :math:`d` in [N·m·s/rad].
+        inertia: :math:`J` in [kg·m²].
+        frequency: :math:`\Omega` in [rad/s].
 
     Returns:
-        :math:`d'` in [N m s] / [rad]. Coulomb friction near the reversals is left out.
+        :math:`d'` in [N·m·s/rad]. Coulomb friction near the reversals is left out.
     """
     late = 0.5 * TICK + 0.5 * (WINDOW - 1) * PERIOD
     gain = math.sin(0.5 * WINDOW * frequency * PERIOD) / (WINDOW * math.sin(0.5 * frequency * PERIOD))
@@ -190,7 +190,7 @@ def lagged_viscous(viscous: float, inertia: float, frequency: float) -> float:
 
 
 def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) -> dict[str, Any]:
-    """Fits of the falls with the thesis's processing and without delay, and that of motor-driven tests."""
+    """Return fits of falls with the processing of the thesis and without delay, and of motor-driven tests."""
     campaign, bench = Campaign(joint=joint), BenchSetup(actuator=BENCH_ACTUATORS[joint])
     masses = {plan.mass for plan in planned_tests(campaign)}
     frequency, truth = 2.0 * math.pi / TWO_WAY_PERIOD, table_values(joint)
@@ -227,7 +227,7 @@ def _law_row(label: str, values: Mapping[str, float], of_fit: Goodness | None) -
         "law": label,
         **{f"{letter} [{UNITS[letter]}]": number_text(value) for letter, value in values.items()},
         "SSE [N² m²]": "" if of_fit is None else f"{of_fit.sse:.0f}",
-        "RMSE [N m]": "" if of_fit is None else f"{of_fit.residual_standard_error:.3g}",
+        "RMSE [N·m]": "" if of_fit is None else f"{of_fit.residual_standard_error:.3g}",
     }
 
 
@@ -235,9 +235,9 @@ def _law_row(label: str, values: Mapping[str, float], of_fit: Goodness | None) -
 
 
 def chance_of_torque(joint: JointName, torque: float, speed: float) -> float:
-    """Three standard deviations in [N m] of a friction torque's mean over the tests that reach a speed.
+    """Return three standard deviations [N·m] of the mean friction torque over the tests that reach a speed.
 
-    Known before any test is simulated: from what chance adds to a test, and how many tests are so fast.
+    It is known before any simulation from the random error of a test and the number of fast tests.
     """
     campaign, actuator = Campaign(joint=joint, protocol=DRIVEN), BENCH_ACTUATORS[joint]
     tests = sum(plan.settings["peak_speed_rad_per_s"] >= speed for plan in planned_tests(campaign))
@@ -246,7 +246,7 @@ def chance_of_torque(joint: JointName, torque: float, speed: float) -> float:
 
 
 def dip_velocity(values: Mapping[str, float]) -> float:
-    """Speed of least friction beyond the first rise in [rad] / [s]; the exponential is strongest at c/√2."""
+    """Return the speed [rad/s] of least friction beyond the first rise; the exponential peaks at c/√2."""
     ends = 0.3 * values["c"], 1.5 * values["c"]
     options = {"xatol": 1e-6}
     found = minimize_scalar(
@@ -256,7 +256,7 @@ def dip_velocity(values: Mapping[str, float]) -> float:
 
 
 def comparison_numbers(fits: Mapping[JointName, LawFit]) -> dict[str, float]:
-    """Friction at the end of the thesis's axis and the place of the dip, of both joints."""
+    """Return the friction at the end of the axis of the thesis and the speed of the dip for both joints."""
     numbers = {}
     for joint, fit in fits.items():
         truth = table_values(joint)
@@ -282,7 +282,7 @@ def comparison_numbers(fits: Mapping[JointName, LawFit]) -> dict[str, float]:
 
 
 def table_numbers(fits: Mapping[tuple[JointName, int], LawFit], as_printed: LawFit) -> dict[str, Any]:
-    """Parameters with bands around the truth, and what J_mass = m b would do to the knee.
+    """Return the parameters with bands around the truth, and the effect of J_mass = m b on the knee.
 
     Args:
         fits: By joint and place in ``TREATMENTS``.
@@ -298,11 +298,11 @@ def table_numbers(fits: Mapping[tuple[JointName, int], LawFit], as_printed: LawF
                 f"{joint}_{letter}_low": truth - margin,
                 f"{joint}_{letter}_high": truth + margin,
             }
-    for place, (*_, word) in enumerate(TREATMENTS):
+    for index, (*_, word) in enumerate(TREATMENTS):
         numbers[f"covered_{word}"] = sum(
             low <= table_values(joint)[letter] <= high
             for joint in JOINTS
-            for letter, (low, high) in fits[joint, place].intervals.items()
+            for letter, (low, high) in fits[joint, index].intervals.items()
         )
     return {
         **numbers,

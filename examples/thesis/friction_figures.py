@@ -31,7 +31,7 @@ from twin_gait.report.canvas import style_panel
 
 _SHOWN = 5000  # samples
 _BIN, _FEWEST = 0.05, 5  # [rad/s], samples
-_SPREADS = (0.2, 0.5, 1.0, 2.0, 5.0)  # [N m], ticks
+_SPREADS = (0.2, 0.5, 1.0, 2.0, 5.0)  # [N·m], ticks
 
 
 def draw_velocities(fall: FilteredFall) -> Figure:
@@ -66,14 +66,14 @@ def draw_fits(joint: JointName, late: LawFit, prompt: LawFit) -> Figure:
     low, high = np.quantile(late.torque, [0.01, 0.99])
     for name, fit, title, colour in both:
         _draw_samples(panels[name], joint, fit)
-        style_panel(panels[name], f"{title}: R² = {fit.goodness.r_squared:.3f}", "friction torque [N m]")
+        style_panel(panels[name], f"{title}: R² = {fit.goodness.r_squared:.3f}", "friction torque [N·m]")
         panels[name].set_ylim(low - 1.0, high + 1.0)
         speeds, spread = _spread(fit)
         panels["R"].plot(speeds, spread, "o-", color=colour, label=title, markersize=4)
     printed = f"thesis: R² = {PRINTED[joint][0]:g}"
     panels["A"].text(0.98, 0.03, printed, transform=panels["A"].transAxes, ha="right")
     panels["B"].legend(loc="lower right", fontsize="small", frameon=False, markerscale=4.0)
-    style_panel(panels["R"], "RMS residual by speed", "[N m]")
+    style_panel(panels["R"], "RMS residual by speed", "[N·m]")
     panels["R"].set(xlabel="velocity [rad/s]", yscale="log", xlim=(0.0, 1.05 * AXIS_END))
     panels["R"].yaxis.set_minor_formatter(NullFormatter())
     panels["R"].set_yticks(_SPREADS, [f"{value:g}" for value in _SPREADS])
@@ -92,14 +92,14 @@ def _draw_samples(axes: Axes, joint: JointName, fit: LawFit) -> None:
 
 
 def _spread(fit: LawFit) -> tuple[np.ndarray, np.ndarray]:
-    """RMS of the residuals in bins of the speed."""
-    place = (fit.velocity / _BIN).astype(int)
-    filled = [number for number in range(int(place.max()) + 1) if (place == number).sum() >= _FEWEST]
-    return (np.array(filled) + 0.5) * _BIN, np.array([rms(fit.residuals[place == each]) for each in filled])
+    """Return the RMS of the residuals in bins of the speed."""
+    bins = (fit.velocity / _BIN).astype(int)
+    filled = [number for number in range(int(bins.max()) + 1) if (bins == number).sum() >= _FEWEST]
+    return (np.array(filled) + 0.5) * _BIN, np.array([rms(fit.residuals[bins == each]) for each in filled])
 
 
 def draw_comparison(fits: Mapping[JointName, LawFit], fastest: float) -> Figure:
-    """Both laws, printed and identified, over low speeds and over those of a gait."""
+    """Draw printed and identified laws over low speeds and over the speeds of a gait."""
     figure = Figure(figsize=(11.0, 4.6), layout="constrained")
     panels = ((AXIS_END, "speeds of the falls"), (fastest, "speeds of the motor-driven tests"))
     for axes, (end, title) in zip(figure.subplots(1, 2), panels, strict=True):
@@ -110,20 +110,20 @@ def draw_comparison(fits: Mapping[JointName, LawFit], fastest: float) -> Figure:
             axes.plot(speeds, true, alpha=0.35, linewidth=5.0, label=f"{joint}, table 3.1", **look)
             axes.plot(speeds, found, "--", label=f"{joint}, identified", **look)
         axes.set(xlabel="velocity [rad/s]", xlim=(0.0, end), ylim=(0.0, None))
-        style_panel(axes, title, "friction torque [N m]")
+        style_panel(axes, title, "friction torque [N·m]")
     figure.axes[0].legend(frameon=False, fontsize="small", loc="lower right")
     return figure
 
 
 def draw_table(fits: Mapping[tuple[JointName, int], LawFit]) -> Figure:
-    """95 % intervals of the parameters by treatment, a panel for each parameter and joint."""
+    """Draw 95 % intervals of the parameters by treatment, with a panel for each parameter and joint."""
     figure = Figure(figsize=(11.0, 5.2), layout="constrained")
     for row, joint in zip(figure.subplots(len(JOINTS), len(LETTERS), sharey=True), JOINTS, strict=True):
         for axes, letter in zip(row, LETTERS, strict=True):
-            for place in range(len(TREATMENTS)):
-                fit = fits[joint, place]
-                axes.plot(fit.intervals[letter], [place, place], color=JOINT_COLOURS[joint], linewidth=2.5)
-                axes.plot(fit.values[letter], place, "o", color=JOINT_COLOURS[joint], markersize=5)
+            for index in range(len(TREATMENTS)):
+                fit = fits[joint, index]
+                axes.plot(fit.intervals[letter], [index, index], color=JOINT_COLOURS[joint], linewidth=2.5)
+                axes.plot(fit.values[letter], index, "o", color=JOINT_COLOURS[joint], markersize=5)
             axes.axvline(table_values(joint)[letter], color=BLACK, linestyle="--", linewidth=1.0)
             axes.axvline(0.0, color=GREY, linewidth=0.6)
             style_panel(axes, f"{joint}: {letter} [{UNITS[letter]}]", "")

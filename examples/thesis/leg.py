@@ -1,7 +1,7 @@
-"""Gains of hip and knee on the hanging leg: where it becomes unstable, and how much lets it fall.
+"""Gains of hip and knee on the hanging leg: limits of stability, and gains with which it falls.
 
 The leg hangs on its stand, pelvis fixed, without a wearer. A table of one phase without springs leaves
-friction compensation and gravity. The stops are taken away: the knee hangs 4° beside its own, which would
+friction compensation and gravity. The stops are removed: the knee hangs 4° from its stop, which would
 take energy from every swing.
 """
 
@@ -38,7 +38,7 @@ from twin_gait.worlds.bench_leg import BenchLeg
 
 
 class Pair(NamedTuple):
-    """A number for the hip and one for the knee."""
+    """Pair of numbers for hip and knee."""
 
     hip: float
     knee: float
@@ -47,7 +47,7 @@ class Pair(NamedTuple):
 JOINTS = (JointName.HIP, KNEE)
 HIP_ONLY, KNEE_ONLY, BOTH, NEITHER = Pair(1.0, 0.0), Pair(0.0, 1.0), Pair(1.0, 1.0), Pair(0.0, 0.0)
 EQUAL = Pair(RATIO, RATIO)
-SOFT_HIP = Pair(0.5, RATIO)  # s of a hip whose model says more friction than it has
+SOFT_HIP = Pair(0.5, RATIO)  # s of a hip whose model has more friction than the joint
 RAISED = Pair(math.radians(20.0), math.radians(20.0))  # [rad] at the start; both joints hang at 0
 SWINGING, FALLING = 60.0, 5.0  # [s]; of a run that looks for instability, or for a passage
 STILL = math.radians(2.0)  # a swing smaller than this is rest
@@ -55,8 +55,8 @@ STAYS = 0.95  # of a swing that is left after a quarter of a run, below which it
 LEAST_SHARE = 0.99  # of s: what counts as a swing that stays shrinks a little
 SHOWN = (0.1, 0.3, 0.45, 0.55, 0.65, 0.75)  # gains of the map
 ANGLES = (5.0, 10.0, 20.0)  # [deg]; raised by so much, does the joint fall by its own weight?
-VELOCITIES = (0.0, 0.3, 1.0)  # [rad] / [s]; where the friction law is linearised, its dip left out
-# Of the gait on this leg: 2.5 N m/deg and a damping ratio of 0.7, as in the swing of its table.
+VELOCITIES = (0.0, 0.3, 1.0)  # [rad/s]; where the friction law is linearised, its dip left out
+# Of the gait on this leg: 2.5 N·m/deg and a damping ratio of 0.7, as in the swing of its table.
 GAIT_STIFFNESS, GAIT_DAMPING_RATIO = math.degrees(2.5), 0.7
 
 
@@ -90,12 +90,12 @@ def hanging_experiment(
 
 
 def joint_angles(run: Run) -> np.ndarray:
-    """Angles of hip and knee in [rad], shape ``(n_ticks, 2)``."""
+    """Return the angles of hip and knee in [rad], shape ``(n_ticks, 2)``."""
     return run.log[[f"right_{joint}_angle_rad" for joint in JOINTS]].to_numpy()
 
 
 def leg_keeps_swinging(run: Run) -> bool:
-    """Whether hip or knee swings in the last quarter about as far as in the one before, or diverged."""
+    """Return whether hip or knee swings about as far in the last quarter as in the third, or diverges."""
     if run.status is RunStatus.DIVERGED:
         return True
     angles = joint_angles(run)
@@ -105,7 +105,7 @@ def leg_keeps_swinging(run: Run) -> bool:
 
 
 def swing_limit(direction: Pair, ratios: Pair = EQUAL) -> float:
-    """Gain at which the swing of the leg no longer dies out; ``direction`` says whose gain is raised."""
+    """Return the gain at which the swing of the leg no longer decays; ``direction``: raised gains."""
 
     def unstable(gain: float) -> bool:
         gains = Pair(gain * direction.hip, gain * direction.knee)
@@ -126,12 +126,12 @@ def linear_limit(
 
     Args:
         direction: As above.
-        velocity: Where the friction laws are linearised in [rad] / [s].
-        stiffness: k of both joints in [N m] / [rad].
-        damping: b of hip and knee in [N m s] / [rad].
+        velocity: Where the friction laws are linearised in [rad/s].
+        stiffness: k of both joints in [N·m/rad].
+        damping: b of hip and knee in [N·m·s/rad].
 
     Returns:
-        The gain, looked for up to 3.
+        The gain, searched up to 3.
     """
     loop = replace(_loop(velocity), stiffness=np.full(2, stiffness), damping=np.array(damping))
 
@@ -155,7 +155,7 @@ def _alone(joint: JointName, value: float) -> Pair:
 
 
 def weight_torque(joint: JointName, angle: float) -> float:
-    """Torque in [N m] that holds a joint against gravity if it alone is raised, by an angle in [rad]."""
+    """Return the torque [N·m] that holds a joint against gravity if only it is raised by an angle [rad]."""
     leg = _leg()
     posture = np.zeros(leg.nv)
     posture[leg.index(Side.RIGHT, joint)] = angle
@@ -163,14 +163,14 @@ def weight_torque(joint: JointName, angle: float) -> float:
 
 
 def gait_damping() -> Pair:
-    """Damping of hip and knee in [N m s] / [rad] for the ratio and the stiffness of a gait, leg hanging."""
+    """Return the damping of hip and knee [N·m·s/rad] for the ratio and stiffness of a gait, leg hanging."""
     leg = _leg()
     inertia = np.diag(leg.mass_matrix(np.zeros(leg.nv)))[[leg.index(Side.RIGHT, joint) for joint in JOINTS]]
     return Pair(*(damping_from_ratio(GAIT_DAMPING_RATIO, GAIT_STIFFNESS, float(each)) for each in inertia))
 
 
 def least_gain(joint: JointName, angle: float) -> float:
-    """Least gain with which a joint raised by an angle falls through the vertical in 5 s; 0 if it needs none.
+    """Return the least gain with which a raised joint falls through the vertical in 5 s; 0 without need.
 
     It alone is raised, in [rad], and compensated.
     """
@@ -184,11 +184,11 @@ def least_gain(joint: JointName, angle: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LegFindings:
-    """What was found on the leg.
+    """Findings on the leg.
 
     ``alone`` is the limit of the hip's gain and of the knee's, the other joint without compensation; ``both``
     of both raised alike; ``soft_hip`` of the two alone with that s; ``least`` the least gains by ``ANGLES``;
-    ``swings`` says for hip and knee gains of ``SHOWN`` whether the leg keeps swinging, shape (n_hip, n_knee).
+    ``swings``: whether the leg keeps swinging for hip and knee gains of ``SHOWN``, shape (n_hip, n_knee).
     """
 
     alone: Pair
@@ -199,7 +199,7 @@ class LegFindings:
 
 
 def leg_findings() -> LegFindings:
-    """Let the leg go with all these gains."""
+    """Simulate the release of the leg with all these gains."""
     maps = [
         [leg_keeps_swinging(simulate(hanging_experiment(Pair(hip, knee)))) for knee in SHOWN] for hip in SHOWN
     ]
@@ -215,7 +215,7 @@ def leg_findings() -> LegFindings:
 
 
 def leg_numbers(found: LegFindings) -> dict[str, Any]:
-    """Limits over s with their bands, and what the linear loop says of springs and gaits."""
+    """Return limits over s with their bands, and the limits of the linear loop with springs and gaits."""
     directions = (HIP_ONLY, KNEE_ONLY, BOTH)
     highest = max(linear_limit(way, velocity=velocity) for way in directions for velocity in VELOCITIES)
     gait = {"stiffness": GAIT_STIFFNESS, "damping": gait_damping()}

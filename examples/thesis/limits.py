@@ -27,7 +27,7 @@ from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.worlds.bench_joint import BenchJoint
 
 RATIOS = (0.4, 0.5, 0.6, 0.8, 1.0)  # s
-PUSH = 0.3  # [rad] / [s]; velocity that the joint without a spring is given
+PUSH = 0.3  # [rad/s]; velocity that the joint without a spring is given
 RELEASE = math.radians(45.0)  # from θ0, where the joint with a spring begins
 STEPS = 8  # of a bisection
 LOWEST, HIGHEST = 0.8, 1.3  # limits are looked for between these, times s
@@ -36,7 +36,7 @@ ROUNDING = 1e-7  # by which a spectral radius of 1 may be missed
 
 
 def bisect(unstable: Callable[[float], bool], low: float, high: float, steps: int = STEPS) -> float:
-    """Value at which something that is false at ``low`` becomes true; near ``high`` if it never does."""
+    """Return the value at which a condition that is false at ``low`` becomes true; near ``high`` if never."""
     for _ in range(steps):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if unstable(middle) else (middle, high)
@@ -78,7 +78,7 @@ def _with_window(test: BenchJoint, window: int | None) -> BenchJoint:
 
 
 def runs_on(run: BenchRun) -> bool:
-    """Whether a pushed joint, away from the stop, is in the end faster than when the filter had filled."""
+    """Return whether a pushed joint off the stop is faster at the end than when the filter has filled."""
     filled = 1.5 * TICK * run.test.sensors.window * run.test.sensors.decimation
     free = np.cumsum(np.abs(run.column("stop_torque_Nm"))) == 0.0
     velocity = np.abs(run.column("motor_velocity_rad_per_s"))[free]
@@ -86,7 +86,7 @@ def runs_on(run: BenchRun) -> bool:
 
 
 def keeps_swinging(run: BenchRun) -> bool:
-    """Whether a released joint swings at least as far at the end as before, or hits a stop."""
+    """Return whether a released joint swings at least as far at the end as before, or hits a stop."""
     angle = run.column("motor_angle_rad")
     half, quarter = len(angle) // 2, len(angle) // 4
     return bool(
@@ -96,7 +96,7 @@ def keeps_swinging(run: BenchRun) -> bool:
 
 
 def linear_radius(gain: float, ratio: float, stiffness: float) -> float:
-    """Spectral radius of the knee's loop over a frame, linearised at rest; k in [N m] / [rad]."""
+    """Return the spectral radius of the loop of the knee over a frame, linearised at rest; k in [N·m/rad]."""
     test, slope = knee_test(torque_control(gain), ratio=ratio), friction_slope(MODEL, 0.0)
     inertia = test.actuator.armature + test.link.total_inertia
     loop = LinearLoop(
@@ -116,7 +116,7 @@ def linear_radius(gain: float, ratio: float, stiffness: float) -> float:
 def simulated_limits(
     ratio: float, highest: float = HIGHEST, window: int | None = None
 ) -> tuple[float, float]:
-    """Gains at which the knee becomes unstable without and with a spring, by bisection up to a share of s."""
+    """Return the gains at which the knee becomes unstable without and with a spring, by bisection."""
     low, high = LOWEST * ratio, highest * ratio
     return (
         bisect(lambda gain: runs_on(simulate_bench(pushed(gain, ratio, window))), low, high),
@@ -135,13 +135,13 @@ def limits_of(ratio: float) -> Limit:
 
 
 def growth(run: BenchRun) -> float:
-    """Largest distance from θ0 in a release over the first one."""
+    """Return the largest distance from θ0 in a release over the first one."""
     distance = np.abs(run.column("motor_angle_rad") - EQUILIBRIUM)
     return float(distance.max() / distance[0])
 
 
 def limit_numbers(limits: list[Limit], fully_compensated: BenchRun) -> dict[str, float]:
-    """Limits over s that are farthest from 1, and those with a filter as late as the thesis prints."""
+    """Return the limits over s that are farthest from 1, and the limits with the printed filter delay."""
     sensors = fully_compensated.test.sensors
     window = round(2.0 * PRINTED_DELAY / (sensors.decimation * TICK)) + 1
     late_free, late_spring = simulated_limits(RATIO, highest=2.0, window=window)

@@ -20,13 +20,13 @@ SMALL = {"fontsize": "small", "frameon": False}
 
 
 def draw_limits(limits: Sequence[Limit], shown: Mapping[float, BenchRun]) -> Figure:
-    """Limits against s, and releases by their gain."""
+    """Draw limits over s, and releases by their gain."""
     figure = Figure(figsize=(10.5, 4.4), layout="constrained")
     limit, swing = figure.subplots(1, 2)
     limit.plot([0.0, 1.1], [0.0, 1.1], color=BLACK, linewidth=0.8, label="G = s")
     for name, label, colour, marker, size in (
         ("free", "pushed, no spring", BLUE, "o", 9.0),
-        ("spring", "let go on 0.05 N m/deg", VERMILLION, "s", 5.0),
+        ("spring", "let go on 0.05 N·m/deg", VERMILLION, "s", 5.0),
         ("linear", "eigenvalues at rest", BLACK, "x", 5.0),
     ):
         values = [getattr(each, name) for each in limits]
@@ -47,19 +47,19 @@ def draw_limits(limits: Sequence[Limit], shown: Mapping[float, BenchRun]) -> Fig
 
 
 def draw_leg(found: LegFindings) -> Figure:
-    """Map of both gains, and the least gains with which a joint falls."""
+    """Draw a map of both gains, and the least gains with which a joint falls."""
     figure = Figure(figsize=(10.5, 4.6), layout="constrained")
     both, least = figure.subplots(1, 2)
     _draw_map(both, found)
-    places = np.arange(len(ANGLES))
+    positions = np.arange(len(ANGLES))
     for index, joint in enumerate(JOINTS):
         values = [found.least[angle][index] for angle in ANGLES]
         look = {"color": JOINT_COLOURS[joint], "label": str(joint)}
-        bars = least.bar(places + 0.4 * (index - 0.5), values, width=0.38, **look)
-        torques = [f"{weight_torque(joint, math.radians(angle)):.1f} N m" for angle in ANGLES]
+        bars = least.bar(positions + 0.4 * (index - 0.5), values, width=0.38, **look)
+        torques = [f"{weight_torque(joint, math.radians(angle)):.1f} N·m" for angle in ANGLES]
         least.bar_label(bars, torques, fontsize="small", padding=2)
     least.axhline(RATIO, color=BLACK, linewidth=0.8, label="G = s, unstable beyond")
-    least.set_xticks(places, [f"{angle:.0f}°" for angle in ANGLES])
+    least.set_xticks(positions, [f"{angle:.0f}°" for angle in ANGLES])
     least.set(xlabel="raised by", ylim=(0.0, 0.8))
     least.legend(loc="upper right", ncols=3, **SMALL)
     style_panel(least, "least G with which the joint falls by its own weight", "G")

@@ -1,4 +1,4 @@
-"""Delay of the velocity filter: half a second as printed, or what ten samples at 100 Hz come to."""
+"""Delay of the velocity filter: half a second as printed, or the delay of ten samples at 100 Hz."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from twin_gait.studies.campaign import Campaign, planned_tests
 
 @dataclass(frozen=True, eq=False)
 class FilteredFall:
-    """Velocity of a fall until the stop in [rad] / [s]: logged, decimated, averaged; and the true one."""
+    """Velocity of a fall until the stop in [rad/s]: logged, decimated, averaged; and the true one."""
 
     raw: np.ndarray
     slow: np.ndarray
@@ -37,7 +37,7 @@ class FilteredFall:
 
     @property
     def delay(self) -> float:
-        """By which the average lags behind, in [s]."""
+        """Return the delay of the average in [s]."""
         return delay_of(self.slow, self.late)
 
 
@@ -64,16 +64,16 @@ def _averaged(values: np.ndarray) -> np.ndarray:
 
 
 def delay_of(signal: np.ndarray, late: np.ndarray) -> float:
-    """Delay in [s] by the way that a late velocity lags behind, over the speed in the end.
+    """Return the delay [s]: the missing distance of a delayed velocity over the final speed.
 
-    It holds however the joint is shaken on its way, as long as it moves evenly in the end; samples are a
+    It holds for any motion that ends with a constant speed; samples are a
     decimated period apart, and at rest in the beginning.
     """
     return float(np.sum(signal - late)) * PERIOD / float(late[-1])
 
 
 def fall_numbers(fall: FilteredFall) -> dict[str, float]:
-    """Delay of the average, and the noise that it leaves."""
+    """Return the delay of the average, and its residual noise."""
     closed, number = 1.0 / math.sqrt(WINDOW), len(fall.slow)
     # Of the averages only one in a window is independent.
     margin = DEVIATIONS * closed * math.sqrt(0.5 / number + 0.5 * WINDOW / number)
@@ -91,9 +91,9 @@ def fall_numbers(fall: FilteredFall) -> dict[str, float]:
 
 
 def delay_between(signal: np.ndarray, late: np.ndarray, longest: int = 200) -> float:
-    """Lag in samples, up to ``longest``, at which the cross-correlation of two periodic signals is largest.
+    """Return the lag [samples], up to ``longest``, of the largest cross-correlation of two periodic signals.
 
-    Between the samples too: the top of the parabola through the three largest values.
+    The lag is interpolated by the vertex of the parabola through the three largest values.
     """
     lags = np.arange(longest + 1)
     correlation = np.array([float(np.dot(signal, np.roll(late, -lag))) for lag in lags])
@@ -103,7 +103,7 @@ def delay_between(signal: np.ndarray, late: np.ndarray, longest: int = 200) -> f
 
 
 def closed_delay(window: int, decimation: int) -> float:
-    r"""Mean delay of the firmware's filter in [s].
+    r"""Return the mean delay of the filter of the firmware in [s].
 
     The mean of :math:`n` samples :math:`D` ticks apart is late by :math:`(n-1)D/2`, the difference over
     :math:`D` ticks by :math:`D/2`, and the value is held until the next one, :math:`(D-1)/2` in the mean.
@@ -119,7 +119,7 @@ def log_filter(velocity: np.ndarray, window: int, decimation: int) -> np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class FilterDelay:
-    """Filters of firmware and log in a test: velocities in [rad] / [s], and their delays in [s]."""
+    """Filters of firmware and log in a test: velocities in [rad/s], and their delays in [s]."""
 
     run: BenchRun
     slow: np.ndarray
@@ -129,7 +129,7 @@ class FilterDelay:
 
 
 def filter_delay(seed: int = SEED) -> FilterDelay:
-    """Measure both delays with the hand that turns most sharply, where a lag shows best."""
+    """Measure both delays with the motion of the sharpest reversal, which shows a lag best."""
     hand = moved_by_hand(torque_control(GAINS[0]), reach=SHORT_REACH, fastest=HAND_VELOCITIES[1])
     run = simulate_bench(hand, seed=seed)
     rows, sensors = last_period(run), run.test.sensors
@@ -140,7 +140,7 @@ def filter_delay(seed: int = SEED) -> FilterDelay:
 
 
 def delay_numbers(found: FilterDelay) -> dict[str, float]:
-    """Both delays, and what the definition of the filter says."""
+    """Return both delays, and the delay by the definition of the filter."""
     sensors = found.run.test.sensors
     return {
         "firmware": found.firmware,

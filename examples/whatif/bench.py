@@ -1,7 +1,7 @@
-"""The knee on its bench, as the what-ifs have it in common.
+"""Knee on its bench: common part of the what-if studies.
 
-The weight is held level at 90°, the current loop is quiet and ideal: what is asked here is asked of friction,
-filters and sensors, not of the inverter.
+The weight is held level at 90°, and the current loop is noise-free and ideal: the studies examine friction,
+filters and sensors, not the inverter.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ Row = dict[str, Any]
 JOINT = JointName.KNEE
 DEGREE = math.pi / 180.0
 LEVEL = HORIZONTAL  # where the joint is held
-MODEL = BENCH_FRICTION[JOINT].normalised()  # table 3.1, the compensator's model unless said otherwise
+MODEL = BENCH_FRICTION[JOINT].normalised()  # table 3.1, the default model of the compensator
 THESIS_RATIO = 0.55  # about what the true friction was, if its compensator was unstable above G = 0.60
-SPRING = 0.5 / DEGREE  # [N m] / [rad] that holds the joint; the softest of the thesis sags under a weight
+SPRING = 0.5 / DEGREE  # [N·m/rad] that holds the joint; the softest of the thesis sags under a weight
 # One period of the current loop in a tick: an ideal loop gains nothing from more.
 DRIVE = DriveParameters(
     inductance=BENCH_INDUCTANCE[JOINT],
@@ -56,7 +56,7 @@ DRIVE = DriveParameters(
 
 
 def controlled(model: FrictionParameters = MODEL, **settings: Any) -> TorqueControl:
-    """Torque control with a compensator's friction model and attributes of :class:`TorqueControl`."""
+    """Return torque control with a friction model and further attributes of :class:`TorqueControl`."""
     return TorqueControl(friction_model=model, **settings)
 
 
@@ -67,17 +67,17 @@ def knee(mass: float = 0.0, **changes: Any) -> BenchJoint:
 
 
 def holding_torque(test: BenchJoint) -> float:
-    """Torque that holds the weight level in [N m]."""
+    """Return the torque that holds the weight level in [N·m]."""
     return -test.gravity * test.link.total_moment
 
 
 def inertia(test: BenchJoint) -> float:
-    """Of motor, gear, link and weight about the joint in [kg m²]."""
+    """Return the inertia of motor, gear, link and weight about the joint in [kg·m²]."""
     return test.actuator.armature + test.link.total_inertia
 
 
 def mean_delay(sensors: SensorParameters) -> float:
-    r"""Mean delay of the slow velocity in [s].
+    r"""Return the mean delay of the slow velocity in [s].
 
     Half a frame for the difference, :math:`(W-1)/2` frames for the average of :math:`W`, and half of what
     a sample is held: :math:`(N W + N - 1)/2` ticks with :math:`N` ticks in a frame.
@@ -96,7 +96,7 @@ def root_mean_square(values: np.ndarray) -> float:
 def law_in(friction: BenchFriction, load: float = 0.0) -> FrictionParameters:
     """Return the law of a bench friction at its temperature and a steady load in [N·m].
 
-    What temperature and load add has the shapes of two terms of equation (3.1), so that the sum is such a
+    The changes by temperature and load have the form of two terms of equation (3.1): the sum is such a
     law again.
     """
     law = friction.law.normalised()
@@ -111,7 +111,7 @@ def law_in(friction: BenchFriction, load: float = 0.0) -> FrictionParameters:
 
 
 def torques(law: FrictionParameters, velocity: np.ndarray) -> np.ndarray:
-    """Friction torques of a law in [N m], with the sign of the velocity in [rad] / [s]."""
+    """Compute the friction torques of a law in [N·m], with the sign of the velocity in [rad/s]."""
     return np.array([friction_torque(law, float(value)) for value in velocity])
 
 
@@ -126,10 +126,10 @@ def torque_ratio(true: FrictionParameters, model: FrictionParameters, speed: np.
 
 
 def least_torque_ratio(true: FrictionParameters, model: FrictionParameters, speed: float) -> float:
-    """Least ratio of true friction to model from rest up to a speed in [rad] / [s].
+    """Return the least ratio of true friction to model from rest up to a speed in [rad/s].
 
-    A free joint that slows down gently passes through all of these speeds; at one at which G is above the
-    ratio, the compensator gives more than friction takes. It is the gain from which on the joint does not
+    A free joint that slows down passes through all of these speeds; at a speed at which G is above the
+    ratio, the compensator adds more power than friction dissipates. From this gain on the joint does not
     come to rest, if the filter is fast.
     """
     return float(torque_ratio(true, model, np.linspace(0.0, speed, 201)).min())
@@ -140,8 +140,8 @@ def linear_loop(test: BenchJoint, velocity: float, load: float = 0.0) -> LinearL
 
     Args:
         test: The test; the weight has no slope where the link is level.
-        velocity: At which friction is linearised in [rad] / [s].
-        load: Under which friction is taken in [N m].
+        velocity: Velocity of the linearisation in [rad/s].
+        load: Load for the friction in [N·m].
     """
     control, sensors, zero = test.control, test.sensors, np.zeros((1, 1))
     true = friction_slope(law_in(test.friction, load), velocity)
@@ -162,8 +162,8 @@ def linear_loop(test: BenchJoint, velocity: float, load: float = 0.0) -> LinearL
 
 HAND_AMPLITUDE = math.radians(-40.0)
 HAND_FREQUENCY = 0.25  # [Hz]; the highest speed of an imposed motion is near that of the thesis's falls
-PUSH = 0.3  # [rad] / [s], half of what a fall of the thesis reaches
-PUSHED_DURATION = 32.0  # [s]; what shrinks to a limit cycle takes its time
+PUSH = 0.3  # [rad/s], half of what a fall of the thesis reaches
+PUSHED_DURATION = 32.0  # [s]; the convergence to a limit cycle is slow
 SPAN = 6.0  # [s]; the last two of this length are compared
 
 
@@ -176,14 +176,14 @@ def push(speed: float, frequency: float = HAND_FREQUENCY) -> ImposedMotionParame
 
 
 class Outcome(NamedTuple):
-    """What becomes of a joint after a push."""
+    """Ending of a motion after a push."""
 
     ending: Ending
     amplitude: float  # half the range of the angle at the end in [rad]; of a runaway, of the whole test
 
 
 def outcome(run: BenchRun, span: float = SPAN) -> Outcome:
-    """How a test ends, by its motion in the last two spans in [s]; a stop that is touched is a runaway."""
+    """Return the ending of a test by its motion in the last two spans [s]; reaching a stop is a runaway."""
     angle = run.column("link_angle_rad")
     early = len(angle) < round(run.test.duration / TICK)
     if early or run.status is RunStatus.DIVERGED or run.column("stop_torque_Nm").any():
@@ -194,7 +194,7 @@ def outcome(run: BenchRun, span: float = SPAN) -> Outcome:
 
 
 def pushed(test: BenchJoint, speed: float = PUSH) -> Outcome:
-    """Push a joint, let it go, and see what becomes of it."""
+    """Push and release a joint, and return the ending."""
     return outcome(simulate_bench(replace(test, imposed_motion=push(speed), duration=PUSHED_DURATION)))
 
 
@@ -203,7 +203,7 @@ BISECTIONS = 9
 
 
 def largest_resting_gain(rests: Callable[[float], bool]) -> float:
-    """Largest gain at which a joint comes to rest, to 0.0025; ``HIGHEST_GAIN`` if it rests there too."""
+    """Return the largest gain at which a joint comes to rest, to 0.0025; at most ``HIGHEST_GAIN``."""
     low, high = 0.0, HIGHEST_GAIN
     if rests(high):
         return high
@@ -217,10 +217,10 @@ def largest_resting_gain(rests: Callable[[float], bool]) -> float:
 
 
 class Effort(NamedTuple):
-    """What imposing a cycle of motion on a joint takes."""
+    """Effort of imposing a cycle of motion on a joint."""
 
-    torque: float  # RMS in [N m]
-    friction: float  # RMS of what is left of it without inertia and weight in [N m]
+    torque: float  # RMS in [N·m]
+    friction: float  # RMS of the residual friction without inertia and weight in [N·m]
     work: float  # in [J]; negative if the joint drives the hand
 
 
@@ -241,6 +241,6 @@ def imposed_motion(test: BenchJoint) -> Effort:
 
 
 def imposed_velocity() -> np.ndarray:
-    """Velocity of the hand over a cycle in [rad] / [s], one value per tick."""
+    """Return the velocity of the hand over a cycle in [rad/s], one value per tick."""
     time = np.arange(round(1.0 / HAND_FREQUENCY / TICK)) * TICK
     return math.pi * HAND_FREQUENCY * HAND_AMPLITUDE * np.sin(2.0 * math.pi * HAND_FREQUENCY * time)

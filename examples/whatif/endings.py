@@ -1,4 +1,4 @@
-"""What becomes of a joint that is let go: rest, a limit cycle, or a runaway into its stops."""
+"""Endings of the motion of a released joint: rest, a limit cycle, or a runaway into its stops."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DIES_OUT = 0.8  # and so is one that has become smaller by this from one of two 
 
 
 class Ending(StrEnum):
-    """How a motion ends."""
+    """Ending of a motion."""
 
     REST = "rest"  # still, creeping or dying out
     LIMIT_CYCLE = "limit cycle"  # inside the stops
@@ -20,7 +20,7 @@ class Ending(StrEnum):
 
 
 def classify(before: np.ndarray, end: np.ndarray, *, at_stop: bool) -> tuple[Ending, float]:
-    """How a motion ends, from two spans of equal length at its end.
+    """Classify the ending of a motion from two spans of equal length at its end.
 
     Args:
         before: Angles in the span before the last in [rad], shape ``(n_ticks, n_joints)``.

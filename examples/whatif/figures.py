@@ -1,4 +1,4 @@
-"""What the pictures of the what-ifs share: maps of endings, and simulated dots on predicted lines."""
+"""Common parts of the what-if pictures: maps of endings, and simulated dots on predicted lines."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ def draw_endings(axes: Axes, table: pd.DataFrame, across: str, upwards: str) -> 
         side.set_visible(False)
 
 
-def place_of(values: Sequence[float], wanted: np.ndarray) -> np.ndarray:
-    """Where numbers lie among the evenly drawn cells of ascending values; beyond by the nearest step."""
-    places = np.arange(len(values))
-    inside = np.interp(wanted, values, places)
+def position_of(values: Sequence[float], wanted: np.ndarray) -> np.ndarray:
+    """Return the positions of numbers on an axis of cells with ascending values, extrapolated at the ends."""
+    positions = np.arange(len(values))
+    inside = np.interp(wanted, values, positions)
     below = (wanted - values[0]) / (values[1] - values[0])
-    above = places[-1] + (wanted - values[-1]) / (values[-1] - values[-2])
+    above = positions[-1] + (wanted - values[-1]) / (values[-1] - values[-2])
     return np.where(wanted < values[0], below, np.where(wanted > values[-1], above, inside))
 
 
 def ending_handles(table: pd.DataFrame) -> list[Artist]:
-    """Legend entries of the endings that occur."""
+    """Return the legend entries of the occurring endings."""
     labels = {Ending.LIMIT_CYCLE: "limit cycle (amplitude in °)"}
     return [
         Patch(color=tinted(ending), label=labels.get(ending, str(ending)))
@@ -86,7 +86,7 @@ def draw_series(
 
 
 def simulated_and_predicted(simulated: str, predicted: str) -> list[Artist]:
-    """Legend entries of dots and lines."""
+    """Return the legend entries of dots and lines."""
     return [
         Line2D([], [], color=GREY, marker="o", linestyle="", markersize=4.5, label=simulated),
         Line2D([], [], color=GREY, linewidth=1.4, label=predicted),
@@ -94,6 +94,6 @@ def simulated_and_predicted(simulated: str, predicted: str) -> list[Artist]:
 
 
 def label_axes(axes: Axes, across: str, **legend: Any) -> None:
-    """Name the horizontal axis and put the panel's legend where it covers little."""
+    """Label the horizontal axis and place the legend of the panel."""
     axes.set_xlabel(across)
     axes.legend(fontsize="small", frameon=False, **legend)

@@ -1,4 +1,4 @@
-"""One joint whose friction is compensated by a factor G of a model that is 1/s times the true friction."""
+"""Joint whose friction is compensated by a factor G of a model that is 1/s times the true friction."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, LinkParamete
 # Decimation and window of the slow velocity: none, half of the thesis's, the thesis's, four times as long.
 FILTERS = ((1, 1), (10, 1), (10, 10), (10, 40))
 THESIS_FILTER = FILTERS[2]
-DEAD_ZONE = 0.05  # [rad] / [s], past the steep part of the model
+DEAD_ZONE = 0.05  # [rad/s], past the steep part of the model
 ENDLESS = 30.0  # [rad]; a joint without a spring needs room to slow down
 STOPPED = 0.1  # of the speed of its push
 
 
 class Compensation(StrEnum):
-    """Where the compensated velocity comes from."""
+    """Source of the compensated velocity."""
 
     MEASURED = "measured"
     DEAD_ZONE = "dead zone"
@@ -70,21 +70,21 @@ class Law(StrEnum):
 
 
 class Setting(NamedTuple):
-    """One joint, held by a spring, that is pushed and let go."""
+    """Joint on a spring that is pushed and released."""
 
     compensation: Compensation = Compensation.MEASURED
     gain: float = 0.0  # G
     ratio: float = THESIS_RATIO  # s
     filter: tuple[int, int] = THESIS_FILTER  # decimation and window of the slow velocity
     load: float = 0.0  # weight in [kg]
-    push: float = PUSH  # speed at which it is let go in [rad] / [s]
-    spring: float = SPRING  # [N m] / [rad]
+    push: float = PUSH  # speed at which it is let go in [rad/s]
+    spring: float = SPRING  # [N·m/rad]
     law: Law = Law.TABLE  # shape of the true friction
     load_share: float = 0.0  # Coulomb friction per load
 
 
 def true_law(law: Law, ratio: float) -> FrictionParameters:
-    """Friction law of the plant: its shape, times the ratio."""
+    """Return the friction law of the plant: its shape times the ratio."""
     breakaway = {
         Law.TABLE: MODEL.breakaway_torque,
         Law.NO_DIP: MODEL.coulomb_friction,
@@ -114,9 +114,9 @@ def bench_of(setting: Setting) -> BenchJoint:
 
 
 def growth_rate_at_rest(setting: Setting) -> float:
-    """Rate in [1] / [s] of a small motion about rest, by the transition matrix; below 0 it decays.
+    """Return the growth rate [1/s] of a small motion about rest by the transition matrix; below 0 it decays.
 
-    A dead zone and a reference that stands feed nothing back.
+    A dead zone and a constant reference cause no feedback.
     """
     fed_back = setting.compensation is Compensation.MEASURED
     test = bench_of(setting if fed_back else setting._replace(gain=0.0))
@@ -125,7 +125,7 @@ def growth_rate_at_rest(setting: Setting) -> float:
 
 
 def map_row(setting: Setting) -> Row:
-    """Push a joint; prediction and ending."""
+    """Push a joint, and return prediction and ending."""
     test = bench_of(setting)
     ending, amplitude = pushed(test, setting.push)
     return {
@@ -145,14 +145,14 @@ def map_row(setting: Setting) -> Row:
 
 
 class Question(NamedTuple):
-    """Up to which G does a joint come to rest?"""
+    """Question for the largest G at which a joint comes to rest."""
 
-    varied: str  # what is varied, in a word
+    varied: str  # varied property, in a word
     setting: Setting  # everything but G
 
 
 def limit_row(question: Question) -> Row:
-    """Search the largest gain at which a pushed joint comes to rest, beside what is predicted."""
+    """Search the largest gain at which a pushed joint comes to rest, and return it with the prediction."""
     setting, test = question.setting, bench_of(question.setting)
     searched = largest_resting_gain(lambda gain: rests(setting._replace(gain=gain)))
     true = law_in(test.friction, holding_torque(test))
@@ -172,18 +172,18 @@ def limit_row(question: Question) -> Row:
 
 
 def rests(setting: Setting) -> bool:
-    """Whether a pushed joint comes to rest; one without a spring has room without end to do so."""
+    """Return whether a pushed joint comes to rest; a joint without a spring has no stops."""
     test = bench_of(setting)
     if setting.spring > 0.0:
         return pushed(test, setting.push).ending is Ending.REST
-    room = LinkParameters(mass=setting.load, lower_stop=-ENDLESS, upper_stop=ENDLESS)
-    free = replace(test, link=room, imposed_motion=push(setting.push), duration=PUSHED_DURATION)
+    free_link = LinkParameters(mass=setting.load, lower_stop=-ENDLESS, upper_stop=ENDLESS)
+    free = replace(test, link=free_link, imposed_motion=push(setting.push), duration=PUSHED_DURATION)
     speed = simulate_bench(free).column("link_velocity_rad_per_s")[-1]
     return bool(abs(speed) < STOPPED * setting.push)
 
 
 def linear_gain(setting: Setting) -> float:
-    """Largest gain at which a small motion about rest decays, by the transition matrix."""
+    """Return the largest gain at which a small motion about rest decays, by the transition matrix."""
     test = bench_of(setting)
     loop = linear_loop(test, 0.0, holding_torque(test))
 
@@ -213,7 +213,7 @@ def cost_row(setting: Setting) -> Row:
 
 
 def path_error(setting: Setting) -> float:
-    """RMS error in [rad] of a joint that follows the hand's path by its own spring, second cycle."""
+    """Return the RMS error [rad] in the second cycle of a joint that follows a path by its own spring."""
     test = bench_of(setting)
     path = CosinePath(start_angle=LEVEL, amplitude=HAND_AMPLITUDE, frequency=HAND_FREQUENCY)
     damping = 2.0 * 0.7 * math.sqrt(setting.spring * inertia(test))  # ζ = 0.7

@@ -1,8 +1,8 @@
 """Inertia compensation of the knee: simulated on the bench, and as the matrix of one tick.
 
 The linear joint is motor and link, with a rigid or a compliant gear, viscous friction, and a hand that holds
-the link or none. In a tick the firmware estimates the acceleration, answers with a torque and holds it while
-the joint moves on, exactly. The matrix is what this does to each unit of the state.
+the link or none. In a tick the firmware estimates the acceleration, sets a torque and holds it while
+the joint moves exactly. The columns of the matrix are the responses to each unit of the state.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 LOAD = 2.0  # [kg]
 THESIS_GAIN = 0.35  # G, the thesis's best
-START_SPEED = 0.5  # [rad] / [s] of the joint that the hand catches
+START_SPEED = 0.5  # [rad/s] of the joint that the hand catches
 DURATION, SPAN = 12.0, 3.0  # [s]
 APPARENT_FREQUENCY, APPARENT_AMPLITUDE = 1.0, 0.2  # [Hz], [rad]
 LARGEST_SHARE = 1.5
 DOUBLINGS = 20  # 2^20 ticks: a quarter of an hour
-TINY = 1e-6  # [rad] / [s], start of a linear run
+TINY = 1e-6  # [rad/s], start of a linear run
 LARGE = 1e-5  # [rad]; a linear motion that has come to this is unstable, and may not be linear any more
 EARLY = (2.0, 3.0)  # [s]
 ROUNDING = 1e-13  # [rad]
 
 
 class Source(StrEnum):
-    """What the acceleration is taken from."""
+    """Sensor from which the acceleration is estimated."""
 
     ENCODER = "encoder"  # on the motor, differentiated twice
     GYROSCOPE = "gyroscope"  # on the link, differentiated once
@@ -63,7 +63,7 @@ class Source(StrEnum):
 
 
 class Setting(NamedTuple):
-    """One joint with inertia compensation."""
+    """Joint with inertia compensation."""
 
     source: Source
     time_constant: float  # of each filter behind the sensor in [s]; the encoder has two
@@ -125,7 +125,7 @@ def linear_bench(setting: Setting, **control: float) -> BenchJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class InertiaLoop:
-    """The linear joint with inertia compensation; inertias in [kg m²], all else in SI units."""
+    """Linear joint with inertia compensation; inertias in [kg·m²], all else in SI units."""
 
     source: Source
     share: float
@@ -141,12 +141,12 @@ class InertiaLoop:
 
     @property
     def filter_gain(self) -> float:
-        """Of the first-order filters."""
+        """Return the gain of the first-order filters."""
         return first_order_gain(TICK, self.time_constant)
 
     @property
     def command(self) -> float:
-        """Torque per estimated acceleration in [kg m²]."""
+        """Return the torque per estimated acceleration in [kg·m²]."""
         return self.share * (self.motor_inertia + self.link_inertia)
 
 
@@ -170,10 +170,10 @@ def loop_of(setting: Setting) -> InertiaLoop:
 
 
 def mean_delay(loop: InertiaLoop) -> float:
-    r"""Mean delay of the estimated acceleration in [s], without the tick over which a torque is held.
+    r"""Return the mean delay of the estimated acceleration in [s], without the tick that holds a torque.
 
     Half a tick for each difference, :math:`(1-\alpha)/\alpha` ticks for each filter of gain :math:`\alpha`,
-    and what the samples are under way. It is the slope of the phase at low frequencies.
+    and the transmission delay of the samples. It is the slope of the phase at low frequencies.
     """
     filtering = (1.0 - loop.filter_gain) / loop.filter_gain
     ticks = {
@@ -185,10 +185,10 @@ def mean_delay(loop: InertiaLoop) -> float:
 
 
 def rates(loop: InertiaLoop) -> np.ndarray:
-    r"""Matrix of the joint under a torque that is held: :math:`\dot x = A x` with the torque in x.
+    r"""Return the matrix of the joint under a constant torque: :math:`\dot x = A x` with the torque in x.
 
     Returns:
-        Rates of angles, velocities and the torque, which stays: shape ``(3, 3)`` for a rigid gear, else
+        Rates of angles, velocities and the constant torque: shape ``(3, 3)`` for a rigid gear, else
         ``(5, 5)`` with motor before link.
     """
     if loop.gear_stiffness == 0.0:
@@ -206,19 +206,19 @@ def rates(loop: InertiaLoop) -> np.ndarray:
 
 
 class TickMatrix:
-    """What a tick does to the state of a loop, and what noise adds.
+    """Transition matrix of a loop over one tick, and response to the sensor noise.
 
     The state: angles, velocities and torque of :func:`rates`; the last angle, the fast velocity and the
     estimated acceleration of the firmware; the samples of the unit, newest first.
 
     Attributes:
         matrix: Of the state over a tick, shape ``(n, n)``.
-        noise: What a unit of noise in the sensor adds, shape ``(n,)``.
-        estimate: Place of the estimated acceleration in the state.
+        noise: Response of the state to a unit of sensor noise, shape ``(n,)``.
+        estimate: Index of the estimated acceleration in the state.
     """
 
     def __init__(self, loop: InertiaLoop) -> None:
-        """Find the matrix, column by column."""
+        """Compute the matrix column by column."""
         self._loop, self._rates = loop, rates(loop)
         self._moves = expm(TICK * self._rates)
         self._joint = len(self._rates)
@@ -246,7 +246,7 @@ class TickMatrix:
         return np.concatenate([self._moves @ held, [angle, faster, estimate], samples])
 
     def _sample(self, moving: np.ndarray, noise: float) -> float:
-        """Velocity or acceleration of the link; the torque in it is that of the last tick."""
+        """Return velocity or acceleration of the link, with the torque of the last tick."""
         link = self._joint // 2
         if self._loop.source is Source.ACCELEROMETER:
             return float(self._rates[2 * link - 1] @ moving + noise)
@@ -254,7 +254,7 @@ class TickMatrix:
 
 
 def growth_rate(loop: InertiaLoop) -> float:
-    """Rate of the fastest growing motion in [1] / [s]: below 0 all decays; a free joint has a mode at 0."""
+    """Return the rate of the fastest growing mode in [1/s]: below 0 all decay; a free joint has one at 0."""
     return float(np.log(np.abs(np.linalg.eigvals(TickMatrix(loop).matrix)).max()) / TICK)
 
 
@@ -264,8 +264,8 @@ def torque_noise(loop: InertiaLoop, deviation: float) -> float:
     The covariance of the state solves :math:`P = A P A^T + \sigma^2 b b^T`.
 
     Args:
-        loop: Stable and held: a free joint would wander.
-        deviation: σ of a sample: [rad], [rad] / [s] or [rad] / [s²], by the source.
+        loop: Stable and held loop: a free joint would drift.
+        deviation: σ of a sample: [rad], [rad/s] or [rad/s²], by the source.
     """
     found = TickMatrix(loop)
     covariance = deviation * deviation * np.outer(found.noise, found.noise)
@@ -278,7 +278,7 @@ def torque_noise(loop: InertiaLoop, deviation: float) -> float:
 
 
 def apparent_inertia(loop: InertiaLoop, frequency: float) -> float:
-    r"""Apparent inertia of the joint at a frequency in [Hz], over the true one.
+    r"""Return the apparent inertia of the joint at a frequency in [Hz] over the true one.
 
     With the response :math:`H` of the estimate to the true acceleration it is
     :math:`1 - \alpha\,\mathrm{Re}\,H(j\omega)`; for a rigid gear and frequencies at which the torque that is
@@ -309,7 +309,7 @@ def sample_deviation(setting: Setting) -> float:
 # ---------------------------------------------------------------------- rows of the tables
 
 
-def where(setting: Setting) -> Row:
+def setting_columns(setting: Setting) -> Row:
     return {
         "source": str(setting.source),
         "filter_ms": 1e3 * setting.time_constant,
@@ -328,7 +328,7 @@ def stability_row(setting: Setting) -> Row:
     ending, amplitude = outcome(run, SPAN)
     torque = run.column("motor_torque_Nm")[-round(SPAN / TICK) :]
     return {
-        **where(setting),
+        **setting_columns(setting),
         "share": setting.share,
         "growth_rate_per_s": round(growth_rate(loop_of(setting)), 4),
         "linear_run_is_unstable": linear_run_is_unstable(setting),
@@ -339,7 +339,7 @@ def stability_row(setting: Setting) -> Row:
 
 
 def linear_run_is_unstable(setting: Setting) -> bool:
-    """Whether a small motion of the linear joint becomes large, or is larger at the end than early on."""
+    """Return whether a small motion of the linear joint becomes large, or is larger at the end than early."""
     bench = linear_bench(setting._replace(noise=0.0), target_torque=0.0)
     test = replace(bench, gravity=0.0, start_velocity=TINY, duration=DURATION)
     angle = simulate_bench(test).column("motor_angle_rad") - LEVEL
@@ -349,7 +349,7 @@ def linear_run_is_unstable(setting: Setting) -> bool:
 
 
 def largest_share(setting: Setting) -> float:
-    """Largest stable share, at most ``LARGEST_SHARE``, by the eigenvalues of the tick's matrix."""
+    """Return the largest stable share, at most ``LARGEST_SHARE``, by the eigenvalues of a tick."""
     loop = loop_of(setting)
 
     def radius(share: float) -> float:
@@ -360,14 +360,14 @@ def largest_share(setting: Setting) -> float:
 
 
 def limit_row(setting: Setting) -> Row:
-    return {**where(setting), "largest_share": round(largest_share(setting), 4)}
+    return {**setting_columns(setting), "largest_share": round(largest_share(setting), 4)}
 
 
 def noise_row(setting: Setting) -> Row:
-    """Noise of the torque and apparent inertia, rigid gear, held: linear run beside closed form."""
+    """Return torque noise and apparent inertia of a held rigid joint: linear run and closed form."""
     loop = loop_of(setting)
     return {
-        **where(setting),
+        **setting_columns(setting),
         "share": setting.share,
         "noise_factor": setting.noise,
         "torque_noise_Nm": round(simulated_noise(setting), 5),
@@ -383,7 +383,7 @@ def moved(setting: Setting, amplitude: float, frequency: float, cycles: float) -
 
 
 def simulated_noise(setting: Setting) -> float:
-    """RMS of what noise adds to the compensating torque, the first second left out, in [N m]."""
+    """Return the RMS of the noise of the compensating torque without the first second, in [N·m]."""
     runs = [
         moved(item, HAND_AMPLITUDE, HAND_FREQUENCY, 1.5) for item in (setting, setting._replace(noise=0.0))
     ]
@@ -392,7 +392,7 @@ def simulated_noise(setting: Setting) -> float:
 
 
 def simulated_inertia(setting: Setting) -> float:
-    """Inertia over the true one in the hand's torque, by least squares over the last two of four cycles."""
+    """Return the apparent over the true inertia from the torque of the hand, fitted over two cycles."""
     run = moved(setting._replace(noise=0.0), APPARENT_AMPLITUDE, APPARENT_FREQUENCY, 4.0)
     cycles = slice(-round(2.0 / APPARENT_FREQUENCY / TICK), None)
     names = (

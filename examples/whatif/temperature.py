@@ -1,4 +1,4 @@
-"""A compensator whose model is the true law at one temperature, on a joint under other conditions."""
+"""Compensator whose model is the true law at one temperature, on a joint under other conditions."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, CatalogueEfficiency
 
 REFERENCE_TEMPERATURE = CatalogueEfficiency().temperature  # [°C]
-# Share of the Coulomb friction that a kelvin takes away: 5 to 10 % between 20 and 40 °C (from memory, low
+# Share of the Coulomb friction that is lost per kelvin: 5 to 10 % between 20 and 40 °C (from memory, low
 # confidence).
 COULOMB_LOSS_PER_KELVIN = 0.00375
-INPUT_SPEED = 105.0  # [rad] / [s] of the wave generator, 1000 1/min, at which the catalogue is read
+INPUT_SPEED = 105.0  # [rad/s] of the wave generator, 1000 1/min, at which the catalogue is read
 COULOMB_PER_LOAD = 0.05  # an assumption
-FITTED_GAINS = tuple(round(0.3 * step, 1) for step in range(5))  # of the parabola of what friction is left
+FITTED_GAINS = tuple(round(0.3 * step, 1) for step in range(5))  # of the parabola of residual friction
 
 
 class Condition(NamedTuple):
-    """Under which the joint is."""
+    """Condition of the joint."""
 
     kind: str  # temperature, age or load
     temperature: float = REFERENCE_TEMPERATURE  # of the gear in [°C]
@@ -52,7 +52,7 @@ class Condition(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A condition, and a compensator that was identified under another one."""
+    """Condition, and a compensator that was identified under another one."""
 
     condition: Condition
     identified_at: float = REFERENCE_TEMPERATURE  # [°C]
@@ -61,7 +61,7 @@ class Case(NamedTuple):
 
 @cache
 def viscous_loss_per_kelvin() -> float:
-    """Share of the viscous friction that a kelvin takes away at 25 °C, as the catalogue's losses fall."""
+    """Return the share of viscous friction lost per kelvin at 25 °C, from the losses of the catalogue."""
     coefficients = CatalogueEfficiency().coefficients
     colder, mean, warmer = (
         1.0 - drive_efficiency(REFERENCE_TEMPERATURE + step, INPUT_SPEED, coefficients)
@@ -82,12 +82,12 @@ def friction_in(condition: Condition) -> BenchFriction:
 
 
 def identified_law(temperature: float) -> FrictionParameters:
-    """Model of a compensator identified exactly, at a temperature, on a new joint without a weight."""
+    """Return a compensator model identified exactly at a temperature, on a new joint without a weight."""
     return law_in(friction_in(Condition("temperature", temperature=temperature)))
 
 
 def true_law(condition: Condition) -> FrictionParameters:
-    """Law of the joint under a condition, its weight level."""
+    """Return the law of the joint under a condition, with its weight level."""
     return law_in(friction_in(condition), holding_torque(knee(condition.load)))
 
 
@@ -109,7 +109,7 @@ def pushed_on_a_spring(case: Case) -> Outcome:
     return pushed(bench_in(case, SPRING))
 
 
-def where(case: Case) -> Row:
+def case_columns(case: Case) -> Row:
     kind, temperature, ageing, load = case.condition
     return {
         "kind": kind,
@@ -124,7 +124,7 @@ def case_row(case: Case) -> Row:
     """Return the cost of an imposed motion, and the ending of a push."""
     effort, end = imposed_motion(bench_in(case)), pushed_on_a_spring(case)
     return {
-        **where(case),
+        **case_columns(case),
         "gain": case.gain,
         "imposed_motion_torque_Nm": round(effort.torque, 4),
         "hand_friction_Nm": round(effort.friction, 4),
@@ -135,14 +135,14 @@ def case_row(case: Case) -> Row:
 
 
 def best_row(case: Case) -> Row:
-    """Gain of least friction, and the largest at which a pushed joint rests: simulated and closed form."""
+    """Return the gain of least friction, and the largest gain of rest: simulated and closed form."""
     left = [imposed_motion(bench_in(case._replace(gain=gain))).friction for gain in FITTED_GAINS]
     model, true = identified_law(case.identified_at), true_law(case.condition)
     largest = largest_resting_gain(
         lambda gain: pushed_on_a_spring(case._replace(gain=gain)).ending is Ending.REST
     )
     return {
-        **where(case),
+        **case_columns(case),
         "best_gain": round(lowest_of_parabola(FITTED_GAINS, np.square(left)), 4),
         "closed_best_gain": round(closed_best_gain(true, model), 4),
         "largest_resting_gain": round(largest, 4),
@@ -151,14 +151,14 @@ def best_row(case: Case) -> Row:
     }
 
 
-def lowest_of_parabola(places: tuple[float, ...], values: np.ndarray) -> float:
-    """Where the parabola through values is lowest; the mean square of what friction is left is one in G."""
-    square, slope, _ = np.polyfit(places, values, 2)
+def lowest_of_parabola(points: tuple[float, ...], values: np.ndarray) -> float:
+    """Return the vertex of the parabola through values; the mean square of residual friction is one in G."""
+    square, slope, _ = np.polyfit(points, values, 2)
     return float(-0.5 * slope / square)
 
 
 def closed_best_gain(true: FrictionParameters, model: FrictionParameters) -> float:
-    r"""Gain that leaves the least mean square of friction along the imposed motion.
+    r"""Return the gain with the least mean square of friction along the imposed motion.
 
     .. math::
 

@@ -1,4 +1,4 @@
-"""The benchmark: all implementations step the same motion, and ratios are judged; no test times anything."""
+"""Tests of the benchmark: equal motion of all implementations, rating of ratios; nothing is timed."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_mujoco_stands_on_its_own_contacts_with_the_same_mass():
     ("scenario", "step"), [("bench_leg", "RK4 1 ms"), ("treadmill", "Euler 0.25 ms")], ids=lambda value: value
 )
 def test_many_episodes_of_mujoco_end_where_the_bare_step_ends(name, scenario, step):
-    """A rollout forgets applied forces: without being told again, the wearer fell out of the support."""
+    """A rollout clears applied forces: the forces of the support must be set again."""
     case = CASES[scenario, step]
     bare, many = (implementation(name).open(case, 50) for name in ("MuJoCo, bare", name))
     bare.run()
@@ -124,7 +124,7 @@ def test_many_episodes_of_mujoco_end_where_the_bare_step_ends(name, scenario, st
 
 
 @pytest.mark.slow
-def test_an_option_that_makes_another_motion_says_so(monkeypatch):
+def test_an_option_that_changes_the_motion_is_marked(monkeypatch):
     pytest.importorskip("mujoco")
     from peers import options
 
@@ -159,7 +159,7 @@ def test_episodes_of_a_batch_differ_and_end_where_each_ends_alone():
 
 @pytest.mark.slow
 @pytest.mark.compile
-def test_an_episode_that_trips_is_no_measurement():
+def test_an_episode_that_trips_is_not_a_measurement():
     case = CASES["bench_leg", "Euler 1 ms"]
     control = case.experiment.control
     strict = replace(control, safety=replace(control.safety, speed_share=0.01))
@@ -174,8 +174,8 @@ def test_an_episode_that_trips_is_no_measurement():
 # ---------------------------------------------------------------------- timing
 
 
-class Noted:
-    """A session that writes down what is done with it."""
+class RecordedSession:
+    """Session that records its calls."""
 
     def __init__(self, name: str, notes: list[str]) -> None:
         self.name, self.notes = name, notes
@@ -193,7 +193,7 @@ class Noted:
 @pytest.mark.slow
 def test_sessions_run_in_turn_and_the_first_round_counts_for_nothing():
     notes: list[str] = []
-    times = time_in_turn({name: (Noted(name, notes), 10) for name in "ab"}, 3)
+    times = time_in_turn({name: (RecordedSession(name, notes), 10) for name in "ab"}, 3)
     assert notes == ["reset a", "run a", "reset b", "run b"] * 4
     assert {name: len(timing.clock) for name, timing in times.items()} == {"a": 3, "b": 3}
 
@@ -243,7 +243,7 @@ PEERS = ("MuJoCo, bare", "plain Python", "MuJoCo rollout")
 
 
 def made_up(ratio: float, peers: tuple[str, ...] = PEERS) -> list:
-    """Cases in which every peer takes so many times as long."""
+    """Return cases in which every peer takes a multiple of the time."""
     ratios = dict.fromkeys(peers, ratio)
     return [{"scenario": scenario, "step": step, "ratios": ratios} for scenario, step in CASES]
 
@@ -274,8 +274,8 @@ def test_a_peer_that_was_not_timed_is_a_goal_missed():
     assert [row["met"] for row in rows] == ["**no**" if "MuJoCo" in row["what"] else "yes" for row in rows]
 
 
-def test_what_is_compared_is_there():
-    """Goals and relations name implementations that exist, and those that are related use as many cores."""
+def test_compared_implementations_exist():
+    """Goals and ratios name existing implementations; both sides of a ratio use the same number of cores."""
     pytest.importorskip("mujoco")
     from peers.mujoco_peers import MUJOCO_PEERS
 
@@ -291,7 +291,7 @@ def test_what_is_compared_is_there():
 
 @pytest.mark.slow
 @pytest.mark.compile
-def test_a_case_tells_speed_and_accuracy():
+def test_a_case_states_speed_and_accuracy():
     chosen = [OURS[name] for name in ("compiled", "compiled, log", "batch", "batch, log", "plain Python")]
     extent = Extent(rounds=1, evaluations=200, python_evaluations=40)
     errors = {}

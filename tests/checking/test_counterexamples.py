@@ -1,4 +1,4 @@
-"""What the solver of guards finds, against a million random signal vectors and a second evaluator."""
+"""Tests of the solver of guards against a million random signal vectors and a second evaluator."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from twin_gait.gait.signals import ANGLE, all_signal_names
 from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.vocabulary import Side
 
-# Limits of urdf/twin.urdf: lowest and highest angle in [deg], speed in [deg] / [s].
+# Limits of urdf/twin.urdf: lowest and highest angle in [deg], speed in [deg/s].
 TWIN = {"hip": (-20.0, 110.0, 151.2), "knee": (-4.0, 122.0, 233.1)}
 PHASES = ("a", "b", "c", "d")
 TIME, OTHER_TIME = "time_in_phase_s", "other.time_in_phase_s"
@@ -80,7 +80,7 @@ class Vectors:
         return min((end for end in ends if end is not None), default=10**9) * TICK
 
     def true(self, node: Guard, time: np.ndarray | None = None) -> np.ndarray:
-        """Where a guard holds, by recursion over its tree on all vectors at once."""
+        """Return where a guard holds, by recursion over its tree on all vectors at once."""
         if isinstance(node, AllOf):
             return np.logical_and.reduce(
                 [np.full(self.count, True), *(self.true(g, time) for g in node.guards)]
@@ -98,12 +98,12 @@ class Vectors:
         return time if name == TIME and time is not None else self.signals[name]
 
     def at(self, index: int, *, seen_by_other: bool = False) -> dict[str, float]:
-        """Signals of one vector, of both legs; as this one reads them, or the other."""
+        """Return the signals of both legs in one vector, as one leg or the other reads them."""
         named = {swapped(name) if seen_by_other else name: value for name, value in self.signals.items()}
         return {name: float(value[index]) for name, value in named.items()}
 
     def due(self, item: Transition) -> np.ndarray:
-        """Where a transition is open at a time at which the leg can still be in its phase."""
+        """Return where a transition is open at a time at which the leg can still be in its phase."""
         time = self.signals[TIME]
         first = max(1, self.table.phases[item.source].minimum_ticks, item.timeout_ticks or 0)
         inside = (time > (first - 0.5) * TICK) & (time < self.timeout(item.source) + 0.5 * TICK)
@@ -134,7 +134,7 @@ class Vectors:
 
 
 def pairs(findings: list[Finding], table: GaitTable) -> set[tuple[str, str]]:
-    """Pairs of transitions that findings are about: their own comes second."""
+    """Return the pairs of transitions of findings; the transition of the finding comes second."""
     names = [label(item) for item in table.transitions]
     return {(name, item.transition or "") for item in findings for name in names if name in item.reason}
 
@@ -206,7 +206,7 @@ def random_case(seed: int) -> CheckCase:
     )
 
 
-def test_limits_are_those_of_the_urdf() -> None:
+def test_limits_equal_the_limits_of_the_urdf() -> None:
     space = SignalSpace(random_case(0))
     for joint, (low, high, speed) in TWIN.items():
         for prefix in ("", "other."):
@@ -231,8 +231,8 @@ def test_random_tables_report_all_that_random_vectors_show(seed: int) -> None:
     assert_reported(table, Vectors(table, np.random.default_rng(seed), 40_000), random_case(seed))
 
 
-def test_random_vectors_do_show_something() -> None:
-    """The test above would pass on tables in which nothing is ever open."""
+def test_random_vectors_open_guards() -> None:
+    """Guards must open: on tables without open guards the test above would pass without effect."""
     found = [
         (len(vectors.ambiguities()), len(vectors.cascades()))
         for seed in SEEDS
@@ -247,14 +247,14 @@ def test_random_vectors_do_show_something() -> None:
 
 
 def signals_of(finding: Finding, **changes: float) -> tuple[dict[str, float], str]:
-    """A full set of signals: those of the counterexample, and zero for those that it leaves open."""
+    """Return all signals: those of the counterexample, and zero for all others."""
     values = dict.fromkeys(all_signal_names(JOINTS), 0.0)
     values |= {name: value for name, value in finding.counterexample.items() if not isinstance(value, str)}
     return {**values, **changes}, str(finding.counterexample.get("other.phase", PHASES[0]))
 
 
 def named(finding: Finding, table: GaitTable) -> list[Transition]:
-    """Transitions that the reason of a finding names; a further one that wins against both comes last."""
+    """Return the transitions that a finding names; a third one with priority over both comes last."""
     return sorted(
         (item for item in table.transitions if label(item) in finding.reason),
         key=lambda item: finding.reason.index(label(item)),
@@ -297,11 +297,11 @@ def test_counterexamples_lie_inside_the_limits(seed: int) -> None:
                 assert low <= value <= high
 
 
-def test_noise_does_undo_a_reported_switch() -> None:
-    """The way back opens in the next tick with every signal moved by the noise or less."""
-    there = Transition(source="a", target="b", cause="there", guard=guard("hip.angle_deg > 10"))
+def test_noise_reverses_a_reported_switch() -> None:
+    """The transition back opens in the next tick with every signal changed by at most the noise."""
+    forth = Transition(source="a", target="b", cause="there", guard=guard("hip.angle_deg > 10"))
     back = Transition(source="b", target="a", cause="back", guard=guard("hip.angle_deg < 9.8"))
-    table = GaitTable(name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(there, back))
+    table = GaitTable(name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(forth, back))
     (finding,) = (item for item in hysteresis(build_case(table)) if item.transition == label(back))
     angle = finding.counterexample["hip.angle_deg"]
     assert isinstance(angle, float)
@@ -313,7 +313,7 @@ def test_noise_does_undo_a_reported_switch() -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> None:
+def test_pairs_of_phases_reached_by_two_random_legs_are_predicted(seed: int) -> None:
     case = random_case(seed)
     table, generator = case.table, np.random.default_rng(seed)
     vectors = Vectors(table, generator, 2000)
@@ -331,13 +331,13 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
                 leg.step(tick - episode * 500, signals, phases[1 - own])
 
 
-def test_random_legs_do_walk_into_new_pairs() -> None:
+def test_random_legs_reach_new_pairs() -> None:
     entered = [len(reachable_pairs(random_case(seed))) for seed in SEEDS]
     assert sum(entered) > len(SEEDS) * len(PHASES)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_no_random_vector_lets_a_leg_out_of_a_deadlock(seed: int) -> None:
+def test_no_random_vector_opens_an_exit_of_a_deadlock(seed: int) -> None:
     case = random_case(seed)
     table = case.table
     vectors = Vectors(table, np.random.default_rng(seed), 20_000)
@@ -345,9 +345,9 @@ def test_no_random_vector_lets_a_leg_out_of_a_deadlock(seed: int) -> None:
     for pair in reachable_pairs(case):
         stuck = f"one leg in {pair[0]} and the other in {pair[1]} " in reasons
         for own, other in (pair, pair[::-1]):
-            there = vectors.others == table.phase_index(other)
+            in_phase = vectors.others == table.phase_index(other)
             leaving = [item for item in table.transitions if item.source == own]
-            gone = any((vectors.due(item) & there).any() for item in leaving if item.debounce_ticks == 1)
+            gone = any((vectors.due(item) & in_phase).any() for item in leaving if item.debounce_ticks == 1)
             assert not (stuck and gone)
 
 
@@ -396,14 +396,14 @@ def test_points_are_found_exactly_where_inequalities_overlap(texts: list[str], p
     assert (first_point(*texts) is not None) is possible
 
 
-def test_point_keeps_a_comfortable_distance_where_there_is_room_for_it() -> None:
+def test_point_keeps_a_margin_if_the_inequalities_leave_one() -> None:
     wide, narrow = first_point("hip.angle_deg > 10"), first_point("hip.angle_deg > 10", "hip.angle_deg < 11")
     assert wide is not None and wide.signals == {"hip.angle_deg": 11.0}
     assert narrow is not None and 10.0 < narrow.signals["hip.angle_deg"] < 11.0
 
 
 def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Case]:
-    """All ways to open or close a guard, contradictory ones among them."""
+    """Return all alternatives to open or close a guard, including contradictory ones."""
     return list(
         enumerate_cases(
             Case(phases),
@@ -415,7 +415,7 @@ def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Cas
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_ways_to_open_and_to_close_a_guard_say_the_same_as_its_tree(seed: int) -> None:
+def test_open_and_closed_alternatives_of_a_guard_equal_its_tree(seed: int) -> None:
     generator = np.random.default_rng(seed)
     tree = random_guard(generator)
     forms = [ways_of(tree, PHASES, true) for true in (True, False)]
@@ -481,7 +481,7 @@ TIME_OUT = Transition(source="a", target="b", cause="timeout", timeout_ticks=500
         ("hip.angle_deg > 5", {"timeout_ticks": 500}, True, True),
     ],
 )
-def test_timeout_and_debounce_bound_what_an_exit_can_do(
+def test_timeout_and_debounce_limit_when_an_exit_can_fire(
     text: str, changes: dict[str, Any], opens: bool, fires: bool
 ) -> None:
     space = space_of(leaving(text, **changes), TIME_OUT)

@@ -1,4 +1,4 @@
-"""The matrix of a frame against the firmware's own functions, tick by tick, and against closed forms."""
+"""Tests of the transition matrix of a frame against functions of the firmware and closed forms."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
 
 MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
-GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N m] / [rad]
+GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N·m/rad]
 DAMPING = np.array([60.0, 45.0])
 MODEL = np.array([110.0, 90.0])
 
@@ -58,7 +58,7 @@ def loop(**changes) -> LinearLoop:
 
 
 def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray:
-    """Angles and velocities before each frame: the firmware's functions and a fine integrator, no matrix.
+    """Return angles and velocities before each frame from the firmware functions and a fine integrator.
 
     The first tick that is measured is one of a slow sample, as in the matrix; before it all is still.
     """
@@ -115,7 +115,7 @@ def test_states_are_angle_velocity_fast_last_decimated_the_ring_and_torques_on_t
     assert transition_matrix(loop(delay=3)).shape == (2 * (RING + 13), 2 * (RING + 13))
 
 
-def test_without_a_controller_the_modes_are_those_of_the_pendulum():
+def test_without_a_controller_the_modes_equal_the_modes_of_the_pendulum():
     off = {name: np.zeros(2) for name in ("stiffness", "damping", "gain")}
     item = loop(**off, feed_forward=np.zeros((2, 2)))
     rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(MASS, GRAVITY), np.zeros((2, 2))]])
@@ -127,7 +127,7 @@ def test_without_a_controller_the_modes_are_those_of_the_pendulum():
 
 
 def oscillator(mass: float, stiffness: float, damping: float, delay: int = 0) -> LinearLoop:
-    """One joint without a weight under stiffness and damping alone."""
+    """Return one joint without weight under stiffness and damping alone."""
     one = np.ones(1)
     return LinearLoop(
         motion=leg_motion(mass * np.eye(1), np.zeros((1, 1)), np.zeros(1)),
@@ -174,7 +174,7 @@ def test_a_delayed_loop_is_stable_as_long_as_its_phase_margin_lasts(ratio):
     assert not any(stable[stable.index(False) :])
 
 
-def test_an_unstable_oscillation_has_a_negative_damping_ratio_and_a_free_joint_none():
+def test_an_unstable_oscillation_has_a_negative_damping_ratio_and_a_free_joint_has_no_ratio():
     unstable = loop(gain=np.array([1.0, 1.0]), damping=np.zeros(2))
     assert spectral_radius(transition_matrix(unstable)) > 1.0
     assert effective_damping_ratio(transition_matrix(unstable), unstable.frame) < 0.0
@@ -238,13 +238,13 @@ def test_the_spectral_radius_predicts_whether_the_engine_s_linear_run_is_unstabl
     assert linear_run_is_unstable(case, 0.0) is (radius > 1.0)
 
 
-def test_those_cases_lie_on_both_sides():
+def test_cases_include_stable_and_unstable_loops():
     unstable = [predicted_radius(case, 0.0) > 1.0 for case in CASES]
     assert 2 <= sum(unstable) <= len(CASES) - 2
 
 
 @pytest.mark.parametrize("window", [1, 5, 10, 20])
-def test_without_a_damper_the_stable_gain_is_true_over_modelled_friction_whatever_the_delay(window):
+def test_undamped_stable_gain_is_true_over_modelled_friction_for_any_delay(window):
     slow = {"stiffness": np.array([6.0, 4.0]), "feed_forward": np.zeros((2, 2))}
     motion = leg_motion(MASS, np.zeros((2, 2)), DAMPING)
     item = loop(**slow, motion=motion, damping=np.zeros(2), window=window, modelled_friction=2.0 * DAMPING)
@@ -277,7 +277,7 @@ def test_bristles_at_rest_are_a_spring_and_sliding_ones_a_damper():
     assert friction_torque(BRISTLES, -1.0) == pytest.approx(0.3 - 3.0 - 1.2, rel=1e-12)
 
 
-def test_a_leg_whose_joints_stick_stands_on_its_bristles():
+def test_stiffness_of_a_sticking_leg_is_the_stiffness_of_its_bristles():
     """Posture and torque at rest, by the acceleration that a small angle gives within a tick."""
     experiment = load_experiment("bench_leg", ["plant.friction_ratio={hip: 1, knee: 1}"]).experiment
     sticking = replace(experiment.plant, friction=dict.fromkeys(experiment.plant.friction, BRISTLES))
@@ -291,7 +291,7 @@ def test_a_leg_whose_joints_stick_stands_on_its_bristles():
 
 
 @pytest.mark.parametrize("norm", [0.0, 1e-9, 0.3, 0.5, 4.0, 30.0])
-def test_the_exponential_is_that_of_scipy(norm: float) -> None:
+def test_matrix_exponential_equals_scipy(norm: float) -> None:
     for seed in range(20):
         matrix = np.random.default_rng(seed).normal(size=(6, 6))
         matrix *= norm / np.abs(matrix).sum(axis=0).max()

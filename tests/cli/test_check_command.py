@@ -33,7 +33,7 @@ def run(*arguments: str) -> int:
 
 @pytest.fixture
 def stiff_knee(tmp_path: Path) -> str:
-    """A published machine whose early swing waits for a knee angle that no knee has."""
+    """Return a published machine whose early swing waits for an unreachable knee angle."""
     text = named_file("osl_walking").read_text(encoding="utf-8")
     assert "knee.angle_deg > 50" in text
     path = tmp_path / "stiff_knee.yaml"
@@ -46,16 +46,16 @@ def test_sound_table_passes(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.splitlines()[-1].startswith("osl_walking, by itself: 0 errors, ")
 
 
-def test_error_fails_the_check_and_shows_where_why_and_the_way_out(
+def test_error_fails_the_check_and_shows_location_reason_and_suggestion(
     stiff_knee: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(stiff_knee) == FAILED
     lines = capsys.readouterr().out.splitlines()
-    place = lines.index("error never_opens: early_swing → late_swing (knee_flexed)")
-    assert "no signals inside the limits open" in lines[place + 1]
+    index = lines.index("error never_opens: early_swing → late_swing (knee_flexed)")
+    assert "no signals inside the limits open" in lines[index + 1]
     assert (
-        "    → correct thresholds, debounce or time-out, or take the transition out"
-        in lines[place + 1 : place + 5]
+        "    → correct thresholds, debounce or timeout, or remove the transition"
+        in lines[index + 1 : index + 5]
     )
     assert [line.split()[0] for line in lines if line.startswith(("error", "warning"))] == sorted(
         line.split()[0] for line in lines if line.startswith(("error", "warning"))
@@ -126,7 +126,7 @@ def finding(**changes: object) -> Finding:
         "rule": "cascade",
         "severity": Severity.WARNING,
         "reason": "it is left in its first tick",
-        "suggestion": "part the thresholds",
+        "suggestion": "separate the thresholds",
         "phase": "early_stance",
         "counterexample": {"hip.angle_deg": -2.5, "other.phase": "late_stance"},
     }
@@ -153,11 +153,11 @@ def test_live_finding_shows_reason_counterexample_and_suggestion() -> None:
         "warning cascade: early_stance",
         "    it is left in its first tick",
         "    at hip.angle_deg -2.5, other.phase late_stance",
-        "    → part the thresholds",
+        "    → separate the thresholds",
     ]
 
 
-def test_waived_findings_are_a_count_unless_they_are_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+def test_waived_findings_are_only_counted_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("treadmill") == DONE
     brief = capsys.readouterr().out.splitlines()
     assert not any(line.startswith("waived") for line in brief)
@@ -210,7 +210,7 @@ SHORT = ("bench_leg", "--duration", "0.05", "--no-pictures")
 
 @pytest.fixture
 def no_way_out(tmp_path: Path) -> str:
-    """The table of the bench leg with an exit that never opens."""
+    """Return the table of the bench leg with an exit that never opens."""
     path = tmp_path / "no_way_out.yaml"
     path.write_text(
         "schema_version: 2\nextends: bench_leg\ntransitions:\n"

@@ -21,7 +21,7 @@ from twin_gait.runs.record import RUN_DIRECTORY
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a short run."""
+    """Return the folder of a short run."""
     run = simulate(load_experiment("bench_leg", ["duration_s=0.1"]).experiment)
     return save_run(run, tmp_path_factory.mktemp("runs") / "walk", pictures=False)
 
@@ -64,10 +64,12 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("what", SPECIAL)
+@pytest.mark.parametrize("special", SPECIAL)
 @pytest.mark.parametrize("command", COMMANDS)
-def test_what_is_no_regular_file_stays(command: str, what: str, kept: Path, tmp_path: Path, capsys) -> None:
-    make, kind = SPECIAL[what]
+def test_a_special_file_is_not_replaced(
+    command: str, special: str, kept: Path, tmp_path: Path, capsys
+) -> None:
+    make, kind = SPECIAL[special]
     words = COMMANDS[command].format(run=kept, out=tmp_path / "out", folder=tmp_path).split()
     target = tmp_path / "joint_angles-85mm.png" if command == "plot" else Path(words[-1])
     make(target)

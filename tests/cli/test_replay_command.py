@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from errors import states
 from table_builder import FIVE_PHASES
 
 from twin_gait.cli import main
@@ -91,7 +92,7 @@ def test_one_leg_goes_through_the_table_of_the_bench_and_not_through_one_for_two
     assert "right: 1 stride of" in capsys.readouterr().out
     assert run("replay", bench, "--table", "treadmill") == 2
     error = capsys.readouterr().err
-    assert "other.phase in early_stance → middle_stance (other_swings), " in error and "both legs" in error
+    assert states(error, "other.phase", "early_stance → middle_stance (other_swings)", "both legs")
 
 
 def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
@@ -101,16 +102,16 @@ def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
     assert printed.count("100.0 % of the ticks equal") == 0
 
 
-def test_the_trunk_was_upright_in_a_run_and_is_not_known_of_a_file(walk, tmp_path, capsys):
-    """A guard on it beside those of the run's own table changes nothing; a file has to have the column."""
+def test_missing_trunk_pitch_is_upright_for_a_run_and_warned_of_for_a_file(walk, tmp_path, capsys):
+    """An added guard on it changes nothing for a run; a file must have the column."""
     table = tmp_path / "upright.yaml"
     tilted = "{from: early_stance, to: late_stance, cause: fallen, all: ['trunk.pitch_deg > 20']}"
     table.write_text(f"schema_version: 2\nextends: treadmill\ntransitions:\n  - {tilted}\n")
     assert run("replay", walk, "--table", table) == 0
     assert capsys.readouterr().out.count("recorded phases: 100.0 % of the ticks equal") == 2
     assert run("replay", walk / "log.parquet", "--table", table, "--total-mass", 90) == 2
-    said = capsys.readouterr().err
-    assert "trunk.pitch_deg" in said and "name its column with --columns" in said and said.count("\n") == 1
+    warning = capsys.readouterr().err
+    assert states(warning, "trunk.pitch_deg", "--columns") and warning.count("\n") == 1
 
 
 def test_healthy_walking_goes_through_the_table(capsys):
@@ -120,7 +121,7 @@ def test_healthy_walking_goes_through_the_table(capsys):
     assert "timeout" not in printed
 
 
-def test_a_table_of_ones_own_is_read_from_its_file(tmp_path, capsys):
+def test_an_own_table_is_read_from_its_file(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     impedance = (
         "{stiffness_Nm_per_deg: 1, damping_ratio: 1, equilibrium_deg: 0, friction_compensation_gain: 0}"
@@ -145,15 +146,15 @@ def test_a_folder_is_replaced_with_force_only_and_only_if_it_is_a_replay(tmp_pat
     out = tmp_path / "out"
     assert run(*command, out) == 0
     assert run(*command, out) == 2
-    assert "exists; choose another --out, or replace it with --force" in capsys.readouterr().err
+    assert states(capsys.readouterr().err, out, "--out", "--force")
     (out / "note.txt").write_text("old")
     assert run(*command, out, "--force") == 0
     assert not (out / "note.txt").exists() and (out / "phases.csv").is_file()
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    (mine / "thesis.tex").write_text("irreplaceable")
-    assert run(*command, mine, "--force") == 2
-    assert (mine / "thesis.tex").read_text() == "irreplaceable"
+    other_folder = tmp_path / "mine"
+    other_folder.mkdir()
+    (other_folder / "thesis.tex").write_text("irreplaceable")
+    assert run(*command, other_folder, "--force") == 2
+    assert (other_folder / "thesis.tex").read_text() == "irreplaceable"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "mine", "out"]
 
 

@@ -1,4 +1,4 @@
-"""Standard streams that are closed or full cost no run, and are no defect."""
+"""Tests that closed or full standard streams lose no run and are not reported as internal errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def shell(words: str, streams: str, folder: Path) -> subprocess.CompletedProcess
 
 
 @pytest.mark.parametrize("streams", ["<&- >&- 2>&-", "2>&-", ">&-", "<&-", ">&- 2>&-"])
-def test_a_run_is_kept_whatever_streams_are_closed(streams: str, tmp_path: Path) -> None:
+def test_a_run_is_kept_with_any_closed_streams(streams: str, tmp_path: Path) -> None:
     done = shell(RUN, streams, tmp_path)
     assert done.returncode == 0 and done.stderr == ""
     run = load_run(tmp_path / "walk")
@@ -43,7 +43,7 @@ def test_a_run_is_kept_where_its_summary_cannot_be_printed(more: str, tmp_path: 
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
-def test_no_command_takes_a_full_disk_for_a_defect(tmp_path: Path) -> None:
+def test_no_command_reports_a_full_disk_as_an_internal_error(tmp_path: Path) -> None:
     for words in ("presets", "presets treadmill --json", "diagram treadmill", "check --rules"):
         done = shell(words, f"> {FULL}", tmp_path)
         assert done.returncode == terminal.FAILED and len(done.stderr.splitlines()) == 1, words

@@ -63,7 +63,7 @@ def test_resolved_document_keeps_the_units_as_typed():
     assert "stiffness_Nm_per_deg" in document["table"]["phases"]["early_stance"]["hip"]
 
 
-def test_resolved_document_of_an_experiment_changed_in_python_tells_the_truth():
+def test_resolved_document_of_an_experiment_changed_in_python_has_the_changes():
     loaded = load_experiment("treadmill")
     changed = dataclasses.replace(loaded.experiment, duration=3.0)
     document = resolved_document(changed, loaded.document, {})
@@ -93,7 +93,7 @@ def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp
         assert first.log[name].equals(second.log[name]), name
 
 
-def test_a_file_over_a_preset_changes_what_it_names_and_nothing_else(tmp_path):
+def test_a_file_over_a_preset_changes_only_its_keys(tmp_path):
     path = tmp_path / "heavy.yaml"
     path.write_text("schema_version: 2\npreset: treadmill\npatient: {mass_kg: 85}\n")
     experiment = load_experiment(path).experiment
@@ -115,7 +115,7 @@ def test_a_file_may_change_a_part_of_the_preset_table(tmp_path):
     assert table.phases["early_stance"].joints["hip"] == base.phases["early_stance"].joints["hip"]
 
 
-def test_a_table_is_found_beside_the_file(tmp_path):
+def test_a_table_is_found_next_to_the_file(tmp_path):
     (tmp_path / "mine.yaml").write_text(dump_yaml(table_document(load_gait_table("bench_leg"))))
     (tmp_path / "run.yaml").write_text("preset: bench_leg\ntable: mine.yaml\n")
     assert load_experiment(tmp_path / "run.yaml").experiment.table == load_gait_table("bench_leg")
@@ -136,7 +136,7 @@ def test_settings_reach_list_elements():
     assert str(loaded.experiment.table.transitions[0].guard).startswith("hip.angle_deg < 5")
 
 
-def test_each_engine_brings_its_own_integrator_unless_asked_otherwise():
+def test_each_engine_has_its_own_default_integrator():
     def stepping(preset, *settings):
         used = load_experiment(preset, settings).experiment.resolved_integration
         return str(used.method), used.step
@@ -153,7 +153,7 @@ def test_merge_replaces_a_quantity_in_another_unit():
     assert merged == {"damping_Nms_per_rad": 40, "a": {"x": 1, "y": 2}}
 
 
-def test_merge_and_assign_leave_their_arguments_alone():
+def test_merge_and_assign_do_not_change_their_arguments():
     base = {"a": {"b": [1, 2]}}
     assert assign(base, ["a", "b", 1], 5) == {"a": {"b": [1, 5]}}
     assert base == {"a": {"b": [1, 2]}}
@@ -193,7 +193,7 @@ BAD_SETTINGS = {
     "table.phases.early_stance.hip.damping_ratio=.inf": "finite number",
     "table.transitions[2].all[0]=hip.angle_deg < x": "expected a strict 'signal < number'",
     "table.transitions[2].to=nowhere": "no phase 'nowhere'",
-    "table.transitions[99].to=late_stance": "no such place",
+    "table.transitions[99].to=late_stance": "table.transitions is a list with positions [0] to",
     "table=no_such_table": "no gait table",
     "table.sides.lefft={}": "sides.lefft: input should be 'left' or 'right'",
     "plant.friction=mine.yaml": "plant.friction: expected keys and values, got 'mine.yaml'",
@@ -205,7 +205,7 @@ BAD_SETTINGS = {
     "scenario.support.share=1.2": "from 0 to 1",
     "scenario.belt_speed_m_per_s=-1": "belt speed",
     "scenario.leading_phase=flying": "leading_phase: expected a phase of gait table 'treadmill', early",
-    "modes=walking": "expected one that gait table 'treadmill' offers under postures (none), got",
+    "modes=walking": "expected one of the postures of gait table 'treadmill' (none), got",
     "requests=walk@2s": "requests: input should be a valid list, got 'walk@2s'",
     "leg.urdf=no.urdf": "no such URDF",
     "integration.step_ms=0.3": "whole number of steps",
@@ -213,7 +213,7 @@ BAD_SETTINGS = {
     "control.limits.torque_Nm=150": "at most 100",
     "engine=warp": "pinocchio",
     "seed=-1": "seed",
-    "name=a/b": "plain name",
+    "name=a/b": "a name without slashes",
     "nonsense": "key=value",
     "=3": "key=value",
     "a b=3": "a key of names joined by dots",
@@ -222,7 +222,7 @@ BAD_SETTINGS = {
 
 
 @pytest.mark.parametrize(("setting", "message"), BAD_SETTINGS.items(), ids=BAD_SETTINGS.keys())
-def test_bad_settings_end_in_one_line_that_helps(setting, message):
+def test_bad_settings_are_refused_in_one_line_with_a_suggestion(setting, message):
     with pytest.raises(TwinGaitError) as caught:
         simulate(load_experiment("treadmill", ["duration_s=0.01", setting]).experiment)
     assert message in str(caught.value)
@@ -274,7 +274,7 @@ def test_a_plant_takes_every_friction_law_and_writes_it_down(text, law, tmp_path
     assert changed.plant.friction[JointName.KNEE] == replace(law, coulomb_friction=2.5)
 
 
-def test_a_file_may_give_one_joint_a_law_and_leave_the_other_its_own(tmp_path):
+def test_a_file_may_set_the_friction_law_of_one_joint_only(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(f"preset: bench_leg\nplant: {{friction: {{hip: {LUGRE}}}}}}}\n")
     friction = load_experiment(path).experiment.plant.friction
@@ -282,12 +282,12 @@ def test_a_file_may_give_one_joint_a_law_and_leave_the_other_its_own(tmp_path):
     assert friction == {JointName.HIP: law, JointName.KNEE: KNEE_FRICTION}
 
 
-def test_joint_that_is_not_in_the_urdf_lists_those_that_are():
+def test_unknown_urdf_joint_lists_the_joints_of_the_urdf():
     with raises(TwinGaitError, "hinge", "left", "hip", "left_hip"):
         load_experiment("treadmill", ["leg.left.hip=hinge"]).experiment.build_world()
 
 
-def test_unknown_preset_lists_those_there_are():
+def test_unknown_preset_lists_the_presets():
     folder = Path(twin_gait.__file__).parent / "configuration" / "presets"
     shipped = sorted(path.stem for path in folder.glob("*.yaml"))
     assert {"bench_leg", "day", "overground", "treadmill"} <= set(shipped)
@@ -295,7 +295,7 @@ def test_unknown_preset_lists_those_there_are():
         load_experiment("no_such_preset")
 
 
-def test_unknown_base_preset_lists_those_there_are(tmp_path):
+def test_unknown_base_preset_lists_the_presets(tmp_path):
     path = tmp_path / "run.yaml"
     path.write_text("preset: moon\n")
     with raises(ParameterFileError, "run.yaml", "preset", "moon", "bench_leg"):
@@ -331,7 +331,7 @@ def test_an_experiment_that_extends_like_a_table_is_refused(tmp_path):
         ),
     ],
 )
-def test_one_file_that_gives_a_quantity_in_two_units_is_refused(tmp_path, text, keys):
+def test_one_file_with_a_quantity_in_two_units_is_refused(tmp_path, text, keys):
     path = tmp_path / "mine.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ParameterFileError) as caught:
@@ -351,13 +351,13 @@ def test_one_file_that_gives_a_quantity_in_two_units_is_refused(tmp_path, text, 
         (["scenario.leading_start={hip_deg: 20, hip_rad: 0.1, knee_deg: 5}"], ("hip_deg", "hip_rad")),
     ],
 )
-def test_one_command_line_that_gives_a_quantity_in_two_units_is_refused(settings, keys):
+def test_one_command_line_with_a_quantity_in_two_units_is_refused(settings, keys):
     with raises(TwinGaitError, "--set", *keys) as caught:
         load_experiment("treadmill", settings)
     assert "\n" not in str(caught.value)
 
 
-def test_each_level_replaces_a_quantity_of_the_one_below_whatever_its_unit(tmp_path):
+def test_each_level_replaces_a_quantity_of_the_level_below_in_any_unit(tmp_path):
     """Preset in km/h and Nm/deg; a file over it in m/s and Nm/rad; settings over that the other way again."""
     path = tmp_path / "mine.yaml"
     path.write_text(
@@ -378,7 +378,7 @@ def test_each_level_replaces_a_quantity_of_the_one_below_whatever_its_unit(tmp_p
     assert_allclose(found(*above), (0.5, math.degrees(2.0)), rtol=1e-15)
 
 
-def test_of_two_settings_with_the_same_key_the_last_one_counts():
+def test_the_last_of_two_settings_with_the_same_key_counts():
     settings = ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_m_per_s=0.5"]
     assert load_experiment("treadmill", settings).experiment.scenario.belt_speed == 0.5
 

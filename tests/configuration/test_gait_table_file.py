@@ -150,7 +150,7 @@ def test_transitions_keep_their_order_and_their_conditions(tmp_path: Path) -> No
     assert table.transitions[4].timeout_ticks == 1000
 
 
-def test_differences_of_a_side_are_laid_over_the_common_values(tmp_path: Path) -> None:
+def test_differences_of_a_side_override_the_common_values(tmp_path: Path) -> None:
     table = load_text(TABLE, tmp_path)
     knee = table.phases_of(Side.LEFT)["swing_flexion"].joints["knee"]
     common = table.phases_of(Side.RIGHT)["swing_flexion"].joints["knee"]
@@ -160,7 +160,7 @@ def test_differences_of_a_side_are_laid_over_the_common_values(tmp_path: Path) -
     assert table.phases_of(Side.LEFT)["swing_flexion"].gravity_compensation == 1.0
 
 
-def test_name_falls_back_to_that_of_the_file(tmp_path: Path) -> None:
+def test_name_defaults_to_the_file_name(tmp_path: Path) -> None:
     assert load_text(TABLE.replace("name: example\n", ""), tmp_path).name == "table"
 
 
@@ -186,7 +186,7 @@ def test_timeout_is_rounded_to_whole_ticks(seconds: str, ticks: int, tmp_path: P
     assert table.transitions[4].timeout_ticks == ticks
 
 
-def test_what_checks_read_is_kept(tmp_path: Path) -> None:
+def test_declarations_for_the_check_are_kept(tmp_path: Path) -> None:
     text = TABLE.replace("cause: loaded", "cause: loaded, driven_by: contact").replace(
         "sides:",
         "cycles: [[early_stance, middle_stance]]\n"
@@ -201,7 +201,7 @@ def test_what_checks_read_is_kept(tmp_path: Path) -> None:
     assert load_text(TABLE, tmp_path).waivers == load_text(TABLE, tmp_path).cycles == ()
 
 
-def test_what_checks_read_does_not_change_the_guards(tmp_path: Path) -> None:
+def test_declarations_for_the_check_do_not_change_the_guards(tmp_path: Path) -> None:
     plain = load_text(TABLE, tmp_path)
     declared = load_text(TABLE.replace("cause: loaded", "cause: loaded, driven_by: contact"), tmp_path)
     assert compile_guards(declared) == compile_guards(plain)
@@ -263,7 +263,7 @@ MISTAKES = {
     ),
     "no damping": (
         "damping_ratio: 0.7, ", "",
-        "phases.early_stance.hip: damping", "either a damping or a damping_ratio",
+        "phases.early_stance.hip: damping", "exactly one of damping and damping_ratio",
     ),
     "no gain": (", friction_compensation_gain: 0.35}", "}", "friction_compensation_gain", "missing"),
     "joint missing": (
@@ -324,9 +324,9 @@ MISTAKES = {
     "guard signal": ("hip.angle_deg < 10", "hip.angle < 10", "transitions[0]", "hip.angle_deg"),
     "guard number": ("[\"hip.angle_deg < 10\"]", "[10]", "transitions[0]", "10"),
     "debounce": ("debounce_ms: 5", "debounce_ms: 0", "transitions[2].debounce_ms", "0"),
-    "negative time-out": ("after_s: 1.0", "after_s: -1.0", "transitions[4].after_s", "-1"),
-    "time-out below a tick": ("after_s: 1.0", "after_s: 0.0004", "transitions[4]", "after_s"),
-    "time-out below min time": (
+    "negative timeout": ("after_s: 1.0", "after_s: -1.0", "transitions[4].after_s", "-1"),
+    "timeout below a tick": ("after_s: 1.0", "after_s: 0.0004", "transitions[4]", "after_s"),
+    "timeout below min time": (
         "gravity_compensation: 1.0", "minimum_duration_ms: 1500", "transitions[4]", "1500",
     ),
     "side unknown": ("  left:", "  middle:", "sides", "middle"),
@@ -399,11 +399,11 @@ def test_missing_phase_is_named(missing: str) -> None:
         ("a: " + "9" * 5000, "not valid YAML"),
     ],
 )
-def test_text_that_is_no_table_is_refused(text: str, explained: str, tmp_path: Path) -> None:
+def test_text_without_a_table_is_refused(text: str, explained: str, tmp_path: Path) -> None:
     refuse(text, tmp_path, explained)
 
 
-def test_misspelt_phase_over_another_table_is_told(tmp_path: Path) -> None:
+def test_misspelt_phase_over_another_table_is_reported(tmp_path: Path) -> None:
     text = "schema_version: 2\nextends: treadmill\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
     refuse(text, tmp_path, "phases.late_stanc.hip", "is missing")
 
@@ -428,7 +428,7 @@ def test_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
     check_message(caught.value, str(path), "UTF-8")
 
 
-def test_huge_file_is_not_even_read(tmp_path: Path) -> None:
+def test_huge_file_is_not_read(tmp_path: Path) -> None:
     refuse("#" * (MAXIMUM_FILE_SIZE + 1), tmp_path, "larger than")
 
 
@@ -463,7 +463,7 @@ def test_line_breaks_in_the_file_do_not_reach_the_message(name: str, value: str)
 
 
 def bomb(levels: int) -> str:
-    """Each list holds the one before ten times: a line of text that means 10^levels words."""
+    """Return nested lists of ten aliases each: a short text that expands to 10^levels words."""
     if levels == 0:
         return "lol"
     rest = f", *b{levels - 1}" * 9 if levels > 1 else ", lol" * 9
@@ -489,8 +489,8 @@ BOMB = bomb(5)
     ],
     ids=["version", "joints", "key", "value", "number", "guard", "guards", "nested guards", "name", "share"],
 )
-def test_aliases_are_not_written_out_in_memory(text: str) -> None:
-    """At five levels writing them out takes 700 000 characters; at nine it would take the machine."""
+def test_aliases_are_not_expanded_in_memory(text: str) -> None:
+    """Expanding five levels takes 700 000 characters; nine would exhaust the memory."""
     tracemalloc.start()
     try:
         with pytest.raises(ParameterFileError) as caught:
@@ -514,7 +514,7 @@ def test_aliases_are_not_written_out_in_memory(text: str) -> None:
         ("equilibrium_deg: 12", f"equilibrium_deg: {10**400}"),
     ],
 )
-def test_astronomic_numbers_are_refused_as_any_other_mistake(old: str, new: str, tmp_path: Path) -> None:
+def test_extreme_numbers_are_refused_like_any_other_mistake(old: str, new: str, tmp_path: Path) -> None:
     refuse(TABLE.replace(old, new, 1), tmp_path)
 
 
@@ -544,19 +544,19 @@ trees = st.recursive(
 )
 
 
-def places(tree: Any) -> list[tuple[Any, Any]]:
-    """Every container in a tree with each of its keys or indices."""
+def entries(tree: Any) -> list[tuple[Any, Any]]:
+    """Return every container in a tree with each of its keys or indices."""
     if isinstance(tree, dict):
         keys: list[Any] = list(tree)
     elif isinstance(tree, list):
         keys = list(range(len(tree)))
     else:
         return []
-    return [place for key in keys for place in [(tree, key), *places(tree[key])]]
+    return [entry for key in keys for entry in [(tree, key), *entries(tree[key])]]
 
 
 def ends_well(data: dict[str, Any]) -> None:
-    """Either a table that can be compiled, or one line that names the file."""
+    """Check that the result is a table that can be compiled, or one line that names the file."""
     try:
         table = gait_table_from_mapping(data, "fuzz.yaml", "fuzz")
     except ParameterFileError as error:
@@ -571,7 +571,7 @@ def ends_well(data: dict[str, Any]) -> None:
 def test_damaged_table_ends_in_a_table_or_in_one_line(data: st.DataObject) -> None:
     tree = mapping()
     for _ in range(data.draw(st.integers(1, 2))):
-        container, key = data.draw(st.sampled_from(places(tree)))
+        container, key = data.draw(st.sampled_from(entries(tree)))
         action = data.draw(st.sampled_from(["replace", "delete", "add"]))
         if action == "delete":
             del container[key]
@@ -632,7 +632,7 @@ def test_a_table_extends_a_packaged_one_key_by_key(tmp_path: Path) -> None:
     assert (table.blending, table.scaling) == (base.blending, base.scaling)
 
 
-def test_a_table_extends_one_that_lies_beside_it(tmp_path: Path) -> None:
+def test_a_table_extends_another_one_in_its_folder(tmp_path: Path) -> None:
     (tmp_path / "below.yaml").write_text(TABLE, encoding="utf-8")
     path = tmp_path / "above.yaml"
     path.write_text(STANDING.format(base="below.yaml"), encoding="utf-8")
@@ -657,7 +657,7 @@ def test_a_table_that_extends_nothing_or_itself_is_refused(
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_transitions_that_are_no_list_are_refused_in_one_line(tmp_path: Path) -> None:
+def test_transitions_must_be_a_list(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("schema_version: 2\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
     with raises(ParameterFileError, "transitions", "list", "7"):
@@ -690,15 +690,15 @@ def test_a_transition_with_the_same_from_to_and_cause_takes_the_place_of_the_inh
     base, table = load_gait_table("treadmill"), changed(tmp_path)
     expected = [name for name in names(base) if name != ("swing_extension", "early_stance", "timeout")]
     assert names(table) == [*expected, ("late_stance", "early_stance", "stumble")]
-    place = names(base).index(("middle_stance", "late_stance", "hip_extension"))
-    assert str(table.transitions[place].guard) == "hip.angle_deg < -1.25"
+    index = names(base).index(("middle_stance", "late_stance", "hip_extension"))
+    assert str(table.transitions[index].guard) == "hip.angle_deg < -1.25"
     others = [item for item in table.transitions if item.cause not in ("hip_extension", "stumble")]
     assert others == [
         item for item in base.transitions if item.cause != "hip_extension" and item in table.transitions
     ]
 
 
-def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> None:
+def test_a_replaced_value_may_be_inherited_over_two_files(tmp_path: Path) -> None:
     changed(tmp_path)
     path = tmp_path / "above.yaml"
     path.write_text(CHANGED.replace("treadmill", "mine.yaml").replace("-1.25", "-1.5").replace(
@@ -716,7 +716,7 @@ def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> Non
     ("old", "new", "key", "explained"),
     [
         ("cause: timeout, remove", "cause: tired, remove", "transitions[2]",
-         "treadmill has no swing_extension → early_stance (tired)"),
+         "treadmill has no transition swing_extension → early_stance (tired)"),
         ("remove: true", "remove: maybe", "transitions[2].remove", "maybe"),
         ("remove: true", "remove: true, after_s: 1", "transitions[2]", "after_s"),
         ("from: late_stance, to: early_stance, cause: stumble", "from: middle_stance, to: late_stance, "
@@ -727,14 +727,14 @@ def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> Non
         ("to: early_stance, cause: stumble", "to: early_stance", "transitions[0].cause", "missing"),
         ("transitions:", "waive: [{rule: cascade, reason: so, phase: 5}]\ntransitions:",
          "waive[0].phase", "5"),
-        ("extends: treadmill", "extends: below.yaml", "transitions[2]", "below.yaml has no swing_extension"),
+        ("extends: treadmill", "extends: below.yaml", "transitions[2]", "below.yaml has no transition swing_extension"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("within", ["table", "experiment", "inline"])
 def test_mistakes_under_extends_name_the_entry_of_the_file_that_was_written(
     old: str, new: str, key: str, explained: str, within: str, tmp_path: Path
 ) -> None:
-    """Not the entry's place in the merged list, and not the preset."""
+    """Neither the index in the merged list nor the preset is named."""
     (tmp_path / "below.yaml").write_text(TABLE, encoding="utf-8")
     text = CHANGED.replace(old, new, 1)
     assert text != CHANGED
@@ -744,7 +744,7 @@ def test_mistakes_under_extends_name_the_entry_of_the_file_that_was_written(
     inline.write_text(
         yaml.safe_dump({"preset": "treadmill", "table": yaml.safe_load(text)}), encoding="utf-8"
     )
-    place = {"table": path, "experiment": path, "inline": f"{inline}: table"}[within]
+    location = {"table": path, "experiment": path, "inline": f"{inline}: table"}[within]
     with pytest.raises(ParameterFileError) as caught:
         if within == "inline":
             load_experiment(inline)
@@ -752,10 +752,10 @@ def test_mistakes_under_extends_name_the_entry_of_the_file_that_was_written(
             load_experiment("treadmill", [f"table={path}"])
         else:
             load_gait_table(path)
-    check_message(caught.value, f"{place}: {key}", explained)
+    check_message(caught.value, f"{location}: {key}", explained)
 
 
-def test_a_mistake_in_the_table_below_names_that_file(tmp_path: Path) -> None:
+def test_a_mistake_in_the_base_table_names_that_file(tmp_path: Path) -> None:
     below = tmp_path / "below.yaml"
     below.write_text(TABLE.replace("knee.angle_deg > 40", "knee.angle > 40"), encoding="utf-8")
     with pytest.raises(ParameterFileError) as caught:
@@ -765,13 +765,13 @@ def test_a_mistake_in_the_table_below_names_that_file(tmp_path: Path) -> None:
     check_message(caught.value, f"{below}: transitions[3]", "knee.angle")
 
 
-def test_nothing_can_be_removed_without_a_table_below(tmp_path: Path) -> None:
+def test_removal_requires_a_base_table(tmp_path: Path) -> None:
     refuse(
         TABLE.replace("cause: loaded", "cause: loaded, remove: true"), tmp_path, "transitions[0]", "extends"
     )
 
 
-def test_an_inline_table_extends_what_it_names_and_not_the_table_of_the_preset(tmp_path: Path) -> None:
+def test_an_inline_table_extends_the_named_table_and_not_the_table_of_the_preset(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
         "preset: treadmill\ntable: {extends: treadmill_start_stop, blending: {duration_ms: 31}}",
@@ -784,7 +784,7 @@ def test_an_inline_table_extends_what_it_names_and_not_the_table_of_the_preset(t
 
 @pytest.mark.slow
 def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:
-    """What an extending file says is what walks: the log is not the default's."""
+    """The walk uses the values of the extending file: its log differs from the default."""
     changed(tmp_path)
     settings = ["duration_s=3", f"table={tmp_path / 'mine.yaml'}"]
     switches = [

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from errors import states
 
 from twin_gait import load_experiment, presets
 from twin_gait.cli import main
@@ -20,11 +21,11 @@ def inherited(*settings: str, source: str | Path = "bench_leg") -> dict[str, dic
     return inherited_values(loaded.document, loaded.user_values)
 
 
-def test_the_rest_of_a_pack_is_that_of_the_preset() -> None:
+def test_keys_missing_in_a_battery_pack_are_inherited_from_the_preset() -> None:
     assert inherited("plant.battery.voltage_V=48") == {"plant.battery": BATTERY}
 
 
-def test_a_friction_law_of_ones_own_keeps_the_ratio_of_its_joint() -> None:
+def test_an_own_friction_law_keeps_the_ratio_of_its_joint() -> None:
     law = "{breakaway_torque_Nm: 2, coulomb_friction_Nm: 3, breakaway_velocity_rad_per_s: 0.1}"
     assert inherited(f"plant.friction.knee={law}") == {
         "plant.friction_ratio": {"knee": 0.5},
@@ -32,7 +33,7 @@ def test_a_friction_law_of_ones_own_keeps_the_ratio_of_its_joint() -> None:
     }
 
 
-def test_gears_of_ones_own_keep_the_efficiency_of_the_file_underneath(tmp_path: Path) -> None:
+def test_own_gears_keep_the_efficiency_of_the_base_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
         "preset: treadmill_ankle\nplant: {actuators: {hip: {gear_ratio: 50}}}\n", encoding="utf-8"
@@ -43,7 +44,7 @@ def test_gears_of_ones_own_keep_the_efficiency_of_the_file_underneath(tmp_path: 
     assert "gear_ratio" not in found["plant.actuators.hip"]
 
 
-def test_file_and_settings_together_are_what_the_user_gave(tmp_path: Path) -> None:
+def test_values_of_file_and_settings_are_not_inherited(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("preset: treadmill\nplant: {battery: {voltage_V: 48, energy_J: 1e6}}\n", encoding="utf-8")
     rest = inherited("plant.battery.continuous_power_W=500", source=path)
@@ -59,7 +60,7 @@ def test_a_quantity_in_another_unit_is_given() -> None:
     "settings",
     [[], ["patient.mass_kg=80"], ["plant.gravity_m_per_s2=9.8"], ["plant.friction_ratio.knee=1"], ["seed=3"]],
 )
-def test_what_changes_no_component_of_the_device_inherits_nothing(settings: list[str]) -> None:
+def test_settings_outside_the_device_components_inherit_nothing(settings: list[str]) -> None:
     assert inherited(*settings) == {}
 
 
@@ -68,14 +69,14 @@ def test_a_preset_by_its_name_inherits_nothing(name: str) -> None:
     assert inherited(source=name) == {}
 
 
-def test_simulate_says_it_on_one_line_and_a_run_folder_has_everything(
+def test_simulate_prints_inherited_values_on_one_line_and_stores_all_of_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, again = tmp_path / "run", tmp_path / "again"
     setting = "plant.battery.voltage_V=48"
     assert main(["simulate", "bench_leg", *QUICK, "--set", setting, "--out", str(run)]) == 0
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("device: inherited next to the values given: plant.battery: ")
+    assert states(line, "plant.battery")
     assert "energy_J 331920" in line
     assert main(["simulate", str(run), "--no-pictures", "--out", str(again)]) == 0
     assert capsys.readouterr().err == ""

@@ -35,7 +35,7 @@ def mistakes(kind: str, document: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_schema_is_a_schema(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_schemas_are_valid_json_schemas(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["presets", "--schema", kind]) == 0
     Draft202012Validator.check_schema(json.loads(capsys.readouterr().out))
 
@@ -45,14 +45,14 @@ def test_a_schema_is_a_schema(kind: str, capsys: pytest.CaptureFixture[str]) -> 
     [(kind, path) for kind, paths in KINDS.items() for path in paths],
     ids=lambda item: getattr(item, "stem", item),
 )
-def test_what_ships_passes_and_names_its_schema(kind: str, path: Path) -> None:
+def test_shipped_files_match_their_schema_and_name_it(kind: str, path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert text.splitlines()[0] == comment_for(kind)
     assert mistakes(kind, yaml.safe_load(text)) == []
 
 
 @pytest.mark.parametrize("name", [path.stem for path in PRESETS])
-def test_what_is_written_in_full_passes(name: str) -> None:
+def test_complete_written_documents_match_the_schema(name: str) -> None:
     law = "{law: lugre, coulomb_friction_Nm: 4, bristle_stiffness_Nm_per_rad: 900}"
     boards = [] if name == "treadmill_ankle" else ["network=can"]  # there is none for an ankle
     loaded = load_experiment(name, [f"plant.friction.hip={law}", *boards])
@@ -95,8 +95,8 @@ PLANTED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("kind", "planted", "place"), PLANTED, ids=[item[1] for item in PLANTED])
-def test_a_planted_mistake_is_found_at_its_key(kind: str, planted: str, place: str) -> None:
+@pytest.mark.parametrize(("kind", "planted", "location"), PLANTED, ids=[item[1] for item in PLANTED])
+def test_a_planted_mistake_is_found_at_its_key(kind: str, planted: str, location: str) -> None:
     path = FOLDER / ("presets" if kind == "experiment" else "tables") / "treadmill.yaml"
     document = yaml.safe_load(path.read_text(encoding="utf-8"))
     assert mistakes(kind, document) == []
@@ -105,4 +105,4 @@ def test_a_planted_mistake_is_found_at_its_key(kind: str, planted: str, place: s
     for key in keys[:-1]:
         inner = inner.setdefault(key, {}) if isinstance(inner, dict) else inner[key]
     inner[keys[-1]] = value
-    assert place in [where for where, _ in mistakes(kind, document)]
+    assert location in [found_at for found_at, _ in mistakes(kind, document)]

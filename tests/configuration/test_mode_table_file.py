@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from errors import raises
+from errors import raises, states
 
 from twin_gait import load_experiment
 from twin_gait.cli import main
@@ -48,7 +48,7 @@ def read(data: dict[str, Any]) -> ModeTable:
 
 
 @pytest.mark.parametrize("name", packaged_mode_tables())
-def test_what_ships_is_read_and_written_back(name):
+def test_shipped_mode_tables_are_read_and_written_back(name):
     table = load_mode_table(name)
     assert table.name == name and table == read(yaml.safe_load(dump_yaml(table_document(table))))
     assert load_mode_table(named_file(name, "modes")) == table == load_state_table(name)
@@ -67,7 +67,7 @@ def test_the_table_of_quintero_has_the_transitions_of_the_paper():
     assert sorted(found) == sorted([*paper, (2, 11), (11, 4), (4, 12), (12, 2)])
 
 
-def test_a_file_without_more_has_hip_and_knee_and_its_own_name(tmp_path):
+def test_a_minimal_file_has_hip_and_knee_and_the_file_name(tmp_path):
     table = read(SMALL)
     assert table.joints == ("hip", "knee") and table.name == "my_modes"
     assert table.phases["walk"].walk and table.phases["walk"].step and not table.phases["rest"].walk
@@ -81,8 +81,8 @@ def test_the_same_transition_twice_is_refused():
     first = SMALL["transitions"][0]
     with pytest.raises(ParameterFileError) as caught:
         read({**SMALL, "transitions": [*SMALL["transitions"], first]})
-    place = f"my_modes.yaml: transitions[{len(SMALL['transitions'])}]"
-    assert f"{place}: the same from, to and cause as another one; leave one out" in str(caught.value)
+    location = f"my_modes.yaml: transitions[{len(SMALL['transitions'])}]"
+    assert states(str(caught.value), location, "from", "to", "cause")
 
 
 def test_either_kind_of_table_is_found_by_its_name():
@@ -94,7 +94,7 @@ def test_either_kind_of_table_is_found_by_its_name():
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "message"),
+    ("keys", "value", "message"),
     [
         (("hold",), "flying", ("my_modes.yaml", "hold", "flying", "rest", "walk", "held")),
         (("modes", "rest", "postur"), "stand", ("modes.rest.postur", "posture")),
@@ -113,12 +113,12 @@ def test_either_kind_of_table_is_found_by_its_name():
         (("schema_version",), 1, ("schema_version",)),
     ],
 )
-def test_mistakes_are_named_with_file_and_key(place, value, message):
+def test_mistakes_are_named_with_file_and_key(keys, value, message):
     data = copy.deepcopy(SMALL)
     inner: Any = data
-    for key in place[:-1]:
+    for key in keys[:-1]:
         inner = inner[key]
-    inner[place[-1]] = value
+    inner[keys[-1]] = value
     with raises(ParameterFileError, *message) as caught:
         read(data)
     assert str(caught.value).startswith("my_modes.yaml") and "\n" not in str(caught.value)
@@ -127,7 +127,7 @@ def test_mistakes_are_named_with_file_and_key(place, value, message):
 # ------------------------------------------------------------------ of an experiment
 
 
-def test_an_experiment_without_modes_says_nothing_of_them():
+def test_document_without_modes_has_no_key_for_modes():
     document = experiment_document(load_experiment("treadmill").experiment)
     assert not {"modes", "requests", "initial_mode"} & set(document)
 
@@ -142,7 +142,7 @@ def test_modes_of_an_experiment_are_written_and_read_back(tmp_path):
         assert load_experiment(path).experiment == loaded.experiment
 
 
-def test_modes_may_stand_in_the_file_of_the_experiment_or_beside_it(tmp_path):
+def test_modes_may_be_in_the_experiment_file_or_in_a_separate_file(tmp_path):
     (tmp_path / "mine.yaml").write_text(dump_yaml(SMALL), encoding="utf-8")
     for number, modes in enumerate(("mine.yaml", SMALL)):
         path = tmp_path / f"experiment_{number}.yaml"
@@ -169,7 +169,7 @@ def test_the_commands_take_a_table_of_modes(kind, capsys):
     assert "stopping" in drawn and ("request" in drawn.lower())
 
 
-def test_what_ships_has_no_error_and_twin_no_warning(capsys):
+def test_shipped_mode_tables_have_no_error_and_twin_has_no_warning(capsys):
     for name in packaged_mode_tables():
         assert main(["check", name]) == 0
         last = capsys.readouterr().out.splitlines()[-1]

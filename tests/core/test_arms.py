@@ -1,4 +1,4 @@
-"""Arms that hold crutches: their force against virtual work, its limits, and what the policy may do when."""
+"""Tests of arms with crutches: force against virtual work, limits, and the policy."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def jacobian(state: np.ndarray) -> np.ndarray:
 
 
 def forces(arm: Arm, state: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """What the arm does on the five coordinates, as the room of the upper body puts it together."""
+    """Return the generalised forces of the arm on five coordinates, as in the stage of the upper body."""
     (x, z, pitch, tip_x, tip_z), (vx, vz, turning, ux, uz) = state, rates
     sine, cosine, ahead, up = math.sin(pitch), math.cos(pitch), tip_x - x, tip_z - z
     seen = ux - vx - up * turning, uz - vz + ahead * turning
@@ -119,7 +119,7 @@ def test_no_arm_pushes_or_turns_beyond_its_limits(state: np.ndarray, rates: np.n
 
 
 @given(state=states, rates=speeds)
-def test_a_straight_arm_is_a_rope_whatever_its_muscles_do(state: np.ndarray, rates: np.ndarray) -> None:
+def test_a_straight_arm_acts_as_a_rope_for_any_muscle_force(state: np.ndarray, rates: np.ndarray) -> None:
     arm, free = arm_of(pull_limit=50.0), arm_of(pull_limit=50.0)
     arm.max_length, arm.straight_stiffness = 1.2, 5000.0
     forces(arm, state, rates)
@@ -134,9 +134,7 @@ def test_an_arm_that_hangs_pushes_down_and_its_moment_forwards() -> None:
 
 
 @given(state=states, rates=speeds)
-def test_a_trunk_that_turns_as_a_whole_with_its_crutch_feels_no_damping(
-    state: np.ndarray, rates: np.ndarray
-) -> None:
+def test_a_rigid_rotation_of_trunk_and_crutch_has_no_damping(state: np.ndarray, rates: np.ndarray) -> None:
     x, z, _, tip_x, tip_z = state
     vx, vz, turning = rates[:3]
     along = np.array([vx, vz, turning, vx + (tip_z - z) * turning, vz - (tip_x - x) * turning])
@@ -148,14 +146,12 @@ def test_a_trunk_that_turns_as_a_whole_with_its_crutch_feels_no_damping(
 
 
 @given(pitch=st.floats(-0.5, 1.0), fx=st.floats(-100.0, 100.0), fz=st.floats(-100.0, 100.0))
-def test_the_pitching_moment_is_what_a_force_does_as_the_trunk_turns(
-    pitch: float, fx: float, fz: float
-) -> None:
-    def place(angle: float) -> np.ndarray:
+def test_the_pitching_moment_equals_virtual_work(pitch: float, fx: float, fz: float) -> None:
+    def position(angle: float) -> np.ndarray:
         return SHOULDER * np.array([math.sin(angle), math.cos(angle)])
 
-    way = (place(pitch + 1e-6) - place(pitch - 1e-6)) / 2e-6
-    assert_allclose(pitching_moment(*place(pitch), fx, fz), way @ [fx, fz], atol=1e-6)
+    way = (position(pitch + 1e-6) - position(pitch - 1e-6)) / 2e-6
+    assert_allclose(pitching_moment(*position(pitch), fx, fz), way @ [fx, fz], atol=1e-6)
 
 
 def test_the_harness_pulls_with_its_share_and_locks_from_below_only() -> None:
@@ -196,7 +192,7 @@ def test_a_planted_crutch_is_pushed_more_the_more_the_trunk_leans(lean: float) -
 
 
 def test_loaded_muscles_yield_with_their_time_constant() -> None:
-    """A strut held elsewhere: (1 - α)^n of the way is left."""
+    """A strut with another target: (1 - α)^n of the distance remains."""
     arm, other = planted(), planted()
     set_grip_angle(arm.grip, 0.3)
     for _ in range(50):
@@ -235,7 +231,7 @@ def test_a_crutch_is_lifted_when_it_is_near_and_nothing_else_is_in_the_air(
         assert arm.grip.axial_force == arm.grip.shoulder_moment == 0.0
 
 
-def test_a_swing_goes_by_minimum_jerk_to_the_reach_whatever_the_trunk_does() -> None:
+def test_a_swing_follows_minimum_jerk_to_the_reach_for_any_trunk_motion() -> None:
     arm, other = planted(ticks=20), planted(ticks=30)
     move_arm(HABIT, sense_of(0.1), arm, other, NEAR, 80.0)
     start = arm.grip.angle - 0.1
@@ -264,7 +260,7 @@ def test_a_crutch_is_lowered_at_its_speed_and_planted_as_it_is_when_it_carries()
 
 @pytest.mark.parametrize("reach", [0.4, -0.3])
 def test_a_crutch_that_does_not_reach_the_ground_is_drawn_nearer(reach: float) -> None:
-    """The tip goes as fast towards the vertical as it was lowered, from in front or from behind."""
+    """The tip moves towards the vertical with the lowering speed, from the front or from behind."""
     arm, other = planted(), planted()
     arm.phase, arm.grip.length, arm.reach = LOWERING, 1.4299, reach
     before = arm.grip.angle
@@ -277,7 +273,9 @@ def test_a_crutch_that_does_not_reach_the_ground_is_drawn_nearer(reach: float) -
 @pytest.mark.parametrize(
     ("ahead", "still", "brought"), [(0.2, 1001, True), (0.3, 1001, False), (0.2, 1000, False)]
 )
-def test_who_stands_has_the_crutches_where_they_like_them(ahead: float, still: int, brought: bool) -> None:
+def test_a_standing_wearer_has_the_crutches_at_the_preferred_position(
+    ahead: float, still: int, brought: bool
+) -> None:
     """0.3 m about a place 0.55 m in front of the shoulder, after a second without a step."""
     arm, other, sense = planted(ticks=2000), planted(ticks=2000), sense_of()
     sense.ticks_since_swing = still
@@ -286,7 +284,7 @@ def test_who_stands_has_the_crutches_where_they_like_them(ahead: float, still: i
     assert not brought or arm.reach == ARMS.stand_reach
 
 
-def test_of_two_crutches_in_front_one_is_brought_behind_to_sit_down() -> None:
+def test_one_of_two_front_crutches_is_moved_behind_to_sit_down() -> None:
     arm, other, sense = planted(ticks=30), planted(ticks=30), on_chair(REACHING_BACK)
     other.phase = PLANTED_BEHIND
     move_arm(HABIT, sense, arm, other, 0.3, 80.0)
@@ -294,7 +292,7 @@ def test_of_two_crutches_in_front_one_is_brought_behind_to_sit_down() -> None:
 
 
 def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
-    """Whatever is felt; each is lifted many times."""
+    """This holds for any perception; each crutch is lifted many times."""
     arms, lifted = [planted(ticks=20), planted(ticks=30)], [0, 0]
     policy = replace(HABIT, swing_ticks=5, planted_ticks=3)
     for _ in range(3000):
@@ -307,17 +305,17 @@ def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
     assert min(lifted) > 50
 
 
-def on_chair(what: float) -> Perception:
+def on_chair(chair_state: float) -> Perception:
     sense = sense_of()
-    sense.chair_state = what
+    sense.chair_state = chair_state
     return sense
 
 
-@pytest.mark.parametrize(("what", "end"), [(RISING, 1.5), (SITTING_DOWN, 0.8)])
-def test_arms_go_with_the_legs_by_minimum_jerk_and_only_push(what: float, end: float) -> None:
-    """10 s³ - 15 s⁴ + 6 s⁵ of the way from the length at the start; who is beyond it already gives way."""
-    arm, other, sense = planted(), planted(), on_chair(what)
-    arm.length = 0.7 if what == RISING else 1.4
+@pytest.mark.parametrize(("chair_state", "end"), [(RISING, 1.5), (SITTING_DOWN, 0.8)])
+def test_arms_go_with_the_legs_by_minimum_jerk_and_only_push(chair_state: float, end: float) -> None:
+    """10 s³ - 15 s⁴ + 6 s⁵ of the distance from the initial length; no force if it is already exceeded."""
+    arm, other, sense = planted(), planted(), on_chair(chair_state)
+    arm.length = 0.7 if chair_state == RISING else 1.4
     start = arm.length
     for tick in range(2500):
         move_arm(HABIT, sense, arm, other, -0.2, 80.0)
@@ -328,14 +326,14 @@ def test_arms_go_with_the_legs_by_minimum_jerk_and_only_push(what: float, end: f
     assert (arm.grip.axial_force, arm.grip.shoulder_moment, arm.phase) == (20.0, -30.0, PLANTED_BEHIND)
 
 
-def test_hands_of_who_sits_rest() -> None:
+def test_hands_of_a_sitting_wearer_are_idle() -> None:
     arm = planted()
     move_arm(HABIT, on_chair(SITTING), arm, planted(), -0.2, 80.0)
     assert arm.grip.axial_force == arm.grip.shoulder_moment == arm.grip.stiffness == 0.0
 
 
 @pytest.mark.parametrize(("load", "lifts"), [(14.9, True), (15.0, False)])
-def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load: float, lifts: bool) -> None:
+def test_after_rising_an_unloaded_crutch_is_moved_forwards(load: float, lifts: bool) -> None:
     arm, other = planted(), planted(ticks=30)
     move_arm(HABIT, on_chair(RISING), arm, other, -0.2, 80.0)
     for _ in range(21):
@@ -347,7 +345,7 @@ def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load
 
 
 @pytest.mark.parametrize("rate", [-0.3, 0.0, 0.4])
-def test_crutches_behind_straighten_until_a_hand_feels_no_load_and_stop_a_fall_backwards(rate: float) -> None:
+def test_rear_crutches_extend_until_a_hand_is_unloaded_and_stop_a_backward_fall(rate: float) -> None:
     """Longer by 0.05 m/s; 150 N s/rad against a trunk that tips backwards, nothing against one that leans."""
     arm, other, sense = planted(), planted(ticks=30), on_chair(0.0)
     arm.phase, arm.grip.length, sense.lean_rate = PLANTED_BEHIND, 1.45, rate
@@ -364,26 +362,26 @@ def test_crutches_behind_straighten_until_a_hand_feels_no_load_and_stop_a_fall_b
 
 
 def test_a_crutch_in_front_has_no_push_of_its_own_while_the_other_is_behind() -> None:
-    """K (lean - 0.1) + D rate alone: with more, it would push the trunk back on the one behind."""
+    """Only K (lean - 0.1) + D rate: a larger moment would push the trunk back onto the rear crutch."""
     arm, other, sense = planted(), planted(), sense_of(0.15, 0.1)
     other.phase = PLANTED_BEHIND
     move_arm(HABIT, sense, arm, other, 0.3, 80.0)
     assert_allclose(arm.grip.axial_force, 600.0 * 0.05 + 150.0 * 0.1, rtol=1e-12)
 
 
-@pytest.mark.parametrize("what", [LEANING, REACHING_BACK])
+@pytest.mark.parametrize("chair_state", [LEANING, REACHING_BACK])
 @pytest.mark.parametrize("ahead", [-0.01, 0.01])
-def test_crutches_in_front_are_swung_behind_for_a_chair(what: float, ahead: float) -> None:
+def test_crutches_in_front_are_swung_behind_for_a_chair(chair_state: float, ahead: float) -> None:
     arm, other = planted(ticks=30), planted(ticks=30)
-    move_arm(HABIT, on_chair(what), arm, other, ahead, 80.0)
+    move_arm(HABIT, on_chair(chair_state), arm, other, ahead, 80.0)
     assert arm.phase == (SWINGING if ahead > 0.0 else PLANTED_BEHIND)
     if ahead > 0.0:
         assert arm.reach == -0.3
-        move_arm(HABIT, on_chair(what), other, arm, ahead, 80.0)
-        assert other.phase == (PLANTED if what == REACHING_BACK else PLANTED_BEHIND)  # one at a time
+        move_arm(HABIT, on_chair(chair_state), other, arm, ahead, 80.0)
+        assert other.phase == (PLANTED if chair_state == REACHING_BACK else PLANTED_BEHIND)  # one at a time
 
 
-def test_never_are_both_crutches_in_the_air_whatever_the_chair_asks_for(rng: np.random.Generator) -> None:
+def test_both_crutches_are_never_in_the_air_during_chair_motions(rng: np.random.Generator) -> None:
     arms, lifted = [planted(ticks=20), planted(ticks=30)], [0, 0]
     policy = replace(HABIT, swing_ticks=5, planted_ticks=3)
     for tick in range(6000):
@@ -399,7 +397,7 @@ def test_never_are_both_crutches_in_the_air_whatever_the_chair_asks_for(rng: np.
 
 @pytest.mark.parametrize("delay", [0, 1, 25])
 def test_nothing_is_felt_before_the_delay_has_passed(delay: int) -> None:
-    """A step of all that is felt changes what the person does after the delay, not before."""
+    """A step of all perceived quantities changes the action of the person after the delay, not before."""
 
     def course(step: float) -> list[tuple[float, ...]]:
         arm, other, sense = planted(delay, 99), planted(delay, 99), new_perception(delay, 0.1)
@@ -421,7 +419,7 @@ def test_nothing_is_felt_before_the_delay_has_passed(delay: int) -> None:
     assert {doing for doing, *_ in quiet} == {PLANTED} != {doing for doing, *_ in stepped}
 
 
-def test_who_has_leant_for_a_while_feels_that_from_the_start() -> None:
+def test_an_initial_lean_is_in_the_delay_lines_from_the_start() -> None:
     sense = new_perception(20, 0.14)
     assert [delayed_sample(sense.lean_delay, tick, 9.0) for tick in range(22)] == [0.14] * 20 + [9.0] * 2
     assert [delayed_sample(sense.lean_rate_delay, tick, 9.0) for tick in range(22)] == [0.0] * 20 + [9.0] * 2

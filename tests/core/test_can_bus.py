@@ -54,7 +54,7 @@ def bus_of(
 
 
 def write(bus: Bus, tick: int) -> None:
-    """Give all frames that are due bits that nobody else has."""
+    """Give all due frames unique bits."""
     for number in range(len(bus.frames)):
         item = bus.frames[number]
         if is_release_due(bus, item, tick):
@@ -91,7 +91,7 @@ def test_a_frame_on_the_wire_is_not_interrupted() -> None:
     assert late.worst_response == (bits_of(early) + bits_of(late)) * BIT - US
 
 
-def test_what_is_received_is_what_was_queued_a_frame_ago() -> None:
+def test_a_received_value_was_queued_one_frame_before() -> None:
     item = frame(7, release=TICK // 2)
     bus = run(bus_of([item]), 1)
     expected = list(item.outgoing.halves)
@@ -188,13 +188,13 @@ def test_draws_are_spread_evenly_and_do_not_depend_on_one_another() -> None:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.2])
-def test_so_many_frames_are_lost_as_is_said(share: float) -> None:
+def test_the_set_share_of_frames_is_lost(share: float) -> None:
     frames = [frame(number, CCU, 1, 0) for number in range(1, 5)]
     run(bus_of(frames, loss=share), 8000)
     sent, lost = sum(item.sent for item in frames), sum(item.lost for item in frames)
     assert sent == 16_000
     assert binomtest(lost, sent, share).pvalue > 0.01
-    # The sender knows nothing of it.
+    # The sender does not detect it.
     assert all(item.destroyed == 0 for item in frames)
 
 
@@ -269,7 +269,7 @@ def test_a_node_that_does_not_recover_stays_off() -> None:
 # ------------------------------------------------------------------ outages
 
 
-def test_a_node_that_boots_is_deaf_and_dumb_and_begins_its_cycle_anew() -> None:
+def test_a_booting_node_neither_sends_nor_receives_and_restarts_its_cycle() -> None:
     ours, theirs = frame(1, CCU, 1, 0), frame(2, 1, CCU, 0)
     down, up = 10 * TICK + 5, 20 * TICK + 777
     bus = bus_of([ours, theirs], [OutageRecord(REBOOT, 1, down, up)])
@@ -287,7 +287,7 @@ def test_a_node_that_boots_while_it_sends_leaves_an_error_frame() -> None:
     ours, theirs = frame(1, CCU, 1, 3 * US), frame(2, 1, CCU, 0)
     run(bus_of([ours, theirs], [OutageRecord(REBOOT, 1, 10 * US, NEVER)]), 1)
     assert theirs.destroyed == 1 and theirs.arrived == 0
-    assert ours.lost == 1  # the other one is not there to hear it
+    assert ours.lost == 1  # the other node does not receive it
     assert ours.worst_response == 0 and theirs.release == NEVER
 
 
@@ -300,7 +300,7 @@ def test_a_silent_bus_keeps_the_newest_values_until_it_is_back() -> None:
 
 
 @pytest.mark.parametrize("side", ["sender", "receiver"])
-def test_a_broken_branch_of_the_star_loses_what_goes_through_it(side: str) -> None:
+def test_a_broken_branch_of_the_star_loses_its_frames(side: str) -> None:
     ours, other = frame(1, 1, CCU, 0), frame(2, 2, CCU, 0)
     broken = 1 if side == "sender" else CCU
     run(bus_of([ours, other], [OutageRecord(SILENCE, broken, 10 * TICK + TICK // 2, 21 * TICK)]), 40)
@@ -350,7 +350,7 @@ CASES: dict[str, Callable[[], Bus]] = {
 
 
 def star(jitter: int, drift: int = 0) -> list[Frame]:
-    """Set points of the central unit to four boards, and their measurements."""
+    """Return setpoint frames of the central unit to four boards, and their measurement frames."""
     boards = range(1, 5)
     setpoints = [frame(0x100 + board, CCU, board, 0, jitter=jitter) for board in boards]
     period = 2 * TICK

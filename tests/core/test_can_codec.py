@@ -49,20 +49,20 @@ def test_a_number_has_the_nearest_code_of_its_range(signal, value, code):
     assert encode_signal(signal, value) == code
 
 
-def test_a_code_outside_the_range_is_no_number():
+def test_a_code_outside_the_range_is_nan():
     assert math.isnan(decode_signal(TORQUE, -4096))
     assert math.isnan(decode_signal(ANGLE, 16383))
     assert decode_signal(TORQUE, -4095) == -4095 * 0.025
 
 
-def test_signals_stand_where_their_layout_says():
+def test_signals_have_the_bit_positions_of_their_layout():
     halves = [-1, -1]
     pack_frame(SIGNALS, [-0.025, -0.8 + 0.0002 * 5, 0.007], halves)
     assert halves == [8191 << 14 | 5, 7]
 
 
 @given(st.tuples(st.floats(-102.375, 102.375), st.floats(-0.8, 2.4764), st.floats(0.0, 2e6)))
-def test_what_arrives_is_within_half_a_step_of_what_was_sent(values):
+def test_a_received_value_is_within_half_a_step_of_the_sent_value(values):
     halves, found = [0, 0], [0.0, 0.0, 0.0]
     pack_frame(SIGNALS, values, halves)
     unpack_frame(SIGNALS, halves, found)
@@ -72,7 +72,7 @@ def test_what_arrives_is_within_half_a_step_of_what_was_sent(values):
 
 
 @given(st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 2**31 - 1)))
-def test_bits_come_back_unless_they_mean_no_number(bits):
+def test_bits_survive_decoding_and_encoding_except_codes_for_missing_values(bits):
     found, halves = [0.0, 0.0, 0.0], [0, 0]
     unpack_frame(SIGNALS, bits, found)
     pack_frame(SIGNALS, found, halves)

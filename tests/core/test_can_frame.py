@@ -52,7 +52,7 @@ def random_halves(length: int, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("length", range(9))
-def test_crc_and_stuff_bits_are_those_of_the_specification(length: int) -> None:
+def test_crc_and_stuff_bits_equal_the_specification(length: int) -> None:
     count = FRAMES // 9 + 1
     halves = random_halves(length, count)
     identifiers = np.random.default_rng(length).integers(0, 2048, count)
@@ -91,16 +91,16 @@ def test_crc_of_the_catalogue() -> None:
     assert int(crc_of(bits)[0]) == 0x059E
 
 
-def test_longest_frames_are_those_of_davis_and_others() -> None:
+def test_longest_frames_equal_davis_and_others() -> None:
     # Equation (1) of Davis et al. (2007): 8 n + 47 + floor((34 + 8 n - 1) / 4); 135 bits with 8 bytes.
     assert [max_frame_bits(length) for length in (7, 8)] == [125, 135]
     for length in range(9):
         assert max_frame_bits(length) == 8 * length + 47 + (34 + 8 * length - 1) // 4
 
 
-def test_a_run_after_run_needs_as_many_stuff_bits_as_the_bound() -> None:
+def test_consecutive_runs_need_the_maximum_number_of_stuff_bits() -> None:
     # 00000 1111 0000 1111 …: every stuff bit begins the next run.
     for length in range(9):
-        bits = [0, *(1 - place // 4 % 2 if place >= 0 else 0 for place in range(-4, 29 + 8 * length))]
+        bits = [0, *(1 - index // 4 % 2 if index >= 0 else 0 for index in range(-4, 29 + 8 * length))]
         assert len(bits) == 34 + 8 * length
         assert stuff_bits_in(np.array(bits)[:, None])[0] == max_stuff_bits(length)

@@ -56,7 +56,7 @@ def test_saturation_keeps_the_sign_and_the_bound(value: float, limit: float) -> 
     assert bounded * value >= 0.0
 
 
-def test_saturation_lets_a_guard_see_not_a_number() -> None:
+def test_saturation_passes_nan_to_a_guard() -> None:
     assert math.isnan(saturate(math.nan, 60.0))
 
 
@@ -121,7 +121,7 @@ def test_battery_feeds_the_electronics_and_takes_back_its_share() -> None:
 
 
 @given(st.floats(-200.0, 200.0), st.floats(0.0, 50.0), st.floats(0.0, 1.0))
-def test_no_bus_gives_the_battery_more_than_is_fed_into_it(
+def test_a_bus_never_charges_the_battery_with_more_than_its_input(
     motors: float, constant: float, regeneration: float
 ) -> None:
     power = battery_power(motors, constant, regeneration)
@@ -146,7 +146,7 @@ def test_constant_load_settles_where_the_battery_equation_is_solved(power: float
 
 
 @given(command=st.floats(-300.0, 300.0), velocity=speeds)
-def test_driven_motor_obeys_torque_current_and_voltage_limits(command: float, velocity: float) -> None:
+def test_driven_motor_stays_within_torque_current_and_voltage_limits(command: float, velocity: float) -> None:
     target = target_current(MOTOR, command, 60.0, 8.0)
     current, torque = drive_motor(MOTOR, target, velocity, BATTERY)
     assert abs(target) <= 8.0
@@ -170,6 +170,6 @@ def test_hip_winding_has_the_same_motor_constant_as_the_knee() -> None:
 
 
 def test_armature_is_rotor_and_wave_generator_seen_through_the_gear() -> None:
-    """(3.06e-4 + 0.282e-4) kg m² · 100² = 3.342 kg m²."""
+    """(3.06e-4 + 0.282e-4) kg·m² · 100² = 3.342 kg·m²."""
     assert_allclose(KNEE_ACTUATOR.armature, 3.342, rtol=1e-12)
     assert_allclose(HIP_ACTUATOR.armature, 3.342, rtol=1e-12)

@@ -1,4 +1,4 @@
-"""How parameters fade: ends, slopes, and what happens when a fade is interrupted."""
+"""Tests of blending: ends, slopes, and interrupted fades."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ SHARES = (0.0, 1.0, 0.4)  # of the gravity compensation
 def legs() -> Episode:
     """Two legs that have long been in their first phase, with the parameters above."""
     _, e, _ = assemble(build_setup(load_experiment("treadmill").experiment))
-    e.recording.most_switches = 0  # room for no record of them
+    e.recording.most_switches = 0  # no switch can be recorded
     for joint in e.controller.joints:
         joint.setpoints[:3] = SETPOINTS
         joint.blended, joint.blend_start = deep_copy(SETPOINTS[0]), deep_copy(SETPOINTS[0])
@@ -138,7 +138,7 @@ def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int
 
 
 @pytest.mark.parametrize("law", FADING)
-def test_interrupted_fade_goes_on_from_the_present_values(legs: Episode, law: int) -> None:
+def test_interrupted_fade_continues_from_the_present_values(legs: Episode, law: int) -> None:
     """A second switch in the middle of a fade must not make the parameters jump."""
     duration, second = 60, 35
     rows = fade(legs, duration, law, [5, second], 150)
@@ -161,7 +161,7 @@ def test_fade_without_duration_is_a_switch(legs: Episode) -> None:
     assert_allclose(fade(legs, 0, BLEND_MINIMUM_JERK, [5], 6)[5], TARGETS[1])
 
 
-def test_copied_setpoint_is_no_second_name_of_its_source() -> None:
+def test_copied_setpoint_is_independent_of_its_source() -> None:
     source, target = deep_copy(SETPOINTS[1]), deep_copy(SETPOINTS[2])
     copy_setpoint(source, target)
     assert target == source

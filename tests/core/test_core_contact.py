@@ -1,4 +1,4 @@
-"""Ground contact and mechanical stops: they push, they dissipate, they never pull."""
+"""Tests of ground contact and mechanical stops: they push, they dissipate, they never pull."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ def test_ground_never_pulls(penetration: float, rate: float, stiffness: float, d
 
 
 @given(height=st.floats(0.0, 1.0), forward=rates, vertical=rates, belt=st.floats(0.0, 2.0))
-def test_foot_in_the_air_feels_nothing(height: float, forward: float, vertical: float, belt: float) -> None:
+def test_foot_in_the_air_has_no_force(height: float, forward: float, vertical: float, belt: float) -> None:
     assert ground_contact_force(Ground(belt, 3e5, 0.5, 0.8, 0.05), height, forward, vertical) == (0.0, 0.0)
 
 
 @given(rate=rates, stiffness=stiffnesses, dissipation=dissipations)
-def test_force_is_continuous_at_touch_down_whatever_the_speed(
+def test_force_is_continuous_at_touch_down_for_any_speed(
     rate: float, stiffness: float, dissipation: float
 ) -> None:
-    """Also a hard landing starts with no force: F ≤ k δ^1.5 (1 + 1.5 c |δ̇|) → 0 with δ."""
+    """A hard landing also starts without force: F ≤ k δ^1.5 (1 + 1.5 c |δ̇|) → 0 with δ."""
     for penetration in (1e-6, 1e-8, 1e-10):
         bound = stiffness * penetration**1.5 * (1.0 + 1.5 * dissipation * abs(rate))
         assert contact_normal_force(penetration, rate, stiffness, dissipation) <= bound * (1.0 + 1e-12)
@@ -63,7 +63,7 @@ def test_static_force_is_the_hertz_spring(penetration: float, stiffness: float, 
     stiffness=stiffnesses,
     dissipation=dissipations,
 )
-def test_contact_gives_back_less_than_it_takes(
+def test_contact_returns_less_energy_than_it_takes(
     penetration: float, rate: float, stiffness: float, dissipation: float
 ) -> None:
     """Pushing in costs at least the spring force, coming out returns at most that."""
@@ -110,7 +110,7 @@ QUOTED = [(0.5, 0.06, 13, 24), (2.0, 0.26, 41, 62), (2.5, 0.32, 47, 68), (3.0, 0
 
 
 @pytest.mark.parametrize(("dissipation", "damping_ratio", "slow", "fast"), QUOTED)
-def test_damping_is_what_the_pages_say(
+def test_damping_equals_the_documented_value(
     dissipation: float, damping_ratio: float, slow: int, fast: int
 ) -> None:
     """ζ = b / (2 √(k m)) of the law's derivatives at the load, against 3 c W / (4 m ω)."""
@@ -138,12 +138,12 @@ def test_friction_stays_in_the_cone_and_opposes_slip(slip: float, normal: float,
     assert force * slip <= 0.0
 
 
-def test_sliding_foot_feels_the_full_coulomb_friction() -> None:
+def test_sliding_foot_has_the_full_coulomb_friction() -> None:
     assert_allclose(contact_friction_force(1.0, 100.0, 0.8, 0.05), -80.0, rtol=1e-12)
 
 
 @given(normal=st.floats(-100.0, 0.0), slip=rates)
-def test_unloaded_foot_feels_no_friction(normal: float, slip: float) -> None:
+def test_unloaded_foot_has_no_friction(normal: float, slip: float) -> None:
     assert contact_friction_force(slip, normal, 0.8, 0.05) == 0.0
 
 
@@ -163,7 +163,7 @@ def test_belt_carries_a_standing_foot_backwards() -> None:
 # ------------------------------------------------------------------ a slope
 
 slopes = st.floats(-0.2, 0.2)
-places = st.floats(-0.5, 0.5)
+positions = st.floats(-0.5, 0.5)
 
 
 def sloping(slope: float, belt: float = 0.42, friction: float = 0.8) -> Ground:
@@ -179,19 +179,19 @@ def in_its_axes(ground: Ground, forward: float, upward: float) -> tuple[float, f
     return resolve_along_slope(ground.slope_sine, ground.slope_cosine, forward, upward)
 
 
-@given(x=places, z=st.floats(-0.05, 0.05), forward=rates, upward=rates)
-def test_a_slope_of_nought_is_level_ground_bit_for_bit(
+@given(x=positions, z=st.floats(-0.05, 0.05), forward=rates, upward=rates)
+def test_a_slope_of_zero_equals_level_ground_bit_for_bit(
     x: float, z: float, forward: float, upward: float
 ) -> None:
     found = pressed(sloping(0.0), x, z, forward, upward)
     assert found == (*ground_contact_force(sloping(0.0), z, forward, upward), z)
 
 
-@given(slope=slopes, x=places, depth=st.floats(-0.05, 0.05), forward=rates, upward=rates)
+@given(slope=slopes, x=positions, depth=st.floats(-0.05, 0.05), forward=rates, upward=rates)
 def test_a_slope_is_level_ground_that_is_turned_about_the_origin(
     slope: float, x: float, depth: float, forward: float, upward: float
 ) -> None:
-    """By a rotation matrix: what level ground does to the turned point, turned back."""
+    """By a rotation matrix: the force of level ground on the rotated point, rotated back."""
     turn = np.array([[math.cos(slope), -math.sin(slope)], [math.sin(slope), math.cos(slope)]])
     level = np.array([x, -depth]), np.array([forward, upward])
     (px, pz), (vx, vz) = (turn @ item for item in level)
@@ -205,9 +205,9 @@ def test_a_slope_is_level_ground_that_is_turned_about_the_origin(
     assert_allclose(fx * vx + fz * vz, expected @ level[1], rtol=0.0, atol=10.0 * tolerance)
 
 
-@given(slope=slopes, belt=st.floats(0.0, 2.0), x=places)
+@given(slope=slopes, belt=st.floats(0.0, 2.0), x=positions)
 def test_the_belt_of_a_slope_runs_along_it(slope: float, belt: float, x: float) -> None:
-    """A foot that goes with it, backwards and down an ascent, is pressed at right angles and not dragged."""
+    """A foot that moves with the belt has only a normal force and no friction."""
     ground = sloping(slope, belt)
     z = (x * ground.slope_sine - 0.01) / ground.slope_cosine
     velocity = -belt * ground.slope_cosine, -belt * ground.slope_sine
@@ -293,32 +293,32 @@ STIFF, DAMPED, COEFFICIENT, WEIGHT, MASS = 20e3, 100.0, 0.8, 50.0, 0.5  # the ti
 
 
 def rubber(anchor: float) -> Arm:
-    """An arm whose crutch sticks at a place."""
+    """Return an arm whose crutch sticks at a position."""
     limits, slack = (math.inf,) * 3, Grip(*(0.0,) * 8)
-    heard = new_delay_line(0), new_delay_line(0)
-    return Arm(0, MASS, *limits, slack, *heard, tip_stiffness=STIFF, tip_damping=DAMPED, anchor=anchor)
+    delay_lines = new_delay_line(0), new_delay_line(0)
+    return Arm(0, MASS, *limits, slack, *delay_lines, tip_stiffness=STIFF, tip_damping=DAMPED, anchor=anchor)
 
 
 def pulled(force: float, seconds: float) -> tuple[float, float, float]:
-    """Place, speed and anchor of a tip that a force along the ground has pulled from rest."""
-    place = speed = 0.0
+    """Return position, speed and anchor of a tip that a force along the ground has pulled from rest."""
+    position = speed = 0.0
     step, arm = 1e-5, rubber(0.0)
     for _ in range(round(seconds / step)):
-        friction = anchored_friction_force(arm, place, speed, WEIGHT, COEFFICIENT)
+        friction = anchored_friction_force(arm, position, speed, WEIGHT, COEFFICIENT)
         speed += step * (force + friction) / MASS
-        place += step * speed
-        arm.anchor = anchor_position(arm, place, WEIGHT, COEFFICIENT)
-    return place, speed, arm.anchor
+        position += step * speed
+        arm.anchor = anchor_position(arm, position, WEIGHT, COEFFICIENT)
+    return position, speed, arm.anchor
 
 
 def test_tip_rests_under_less_than_friction_and_goes_back_no_farther_than_it_was_sheared() -> None:
     """Where regularised friction would creep: F / k, at rest."""
-    place, speed, anchor = pulled(20.0, 0.5)
-    assert_allclose(place, 20.0 / STIFF, rtol=1e-9)
+    position, speed, anchor = pulled(20.0, 0.5)
+    assert_allclose(position, 20.0 / STIFF, rtol=1e-9)
     assert abs(speed) < 1e-12 and anchor == 0.0
 
 
-def test_tip_slides_under_more_than_friction_as_a_sledge_does() -> None:
+def test_tip_slides_if_the_force_exceeds_friction() -> None:
     """(F - mu N) / m, over a time in which the rubber has sheared as far as it does."""
     early, late = pulled(60.0, 0.2), pulled(60.0, 0.4)
     assert_allclose((late[1] - early[1]) / 0.2, (60.0 - COEFFICIENT * WEIGHT) / MASS, rtol=1e-6)
@@ -326,7 +326,7 @@ def test_tip_slides_under_more_than_friction_as_a_sledge_does() -> None:
 
 
 @given(stretch=st.floats(-1.0, 1.0), slip=rates, normal=st.floats(0.0, 500.0))
-def test_anchored_friction_stays_within_the_cone_and_a_tip_in_the_air_forgets(stretch, slip, normal) -> None:
+def test_anchored_friction_stays_within_the_cone_and_is_reset_in_the_air(stretch, slip, normal) -> None:
     force = anchored_friction_force(rubber(0.0), stretch, slip, normal, COEFFICIENT)
     assert abs(force) <= COEFFICIENT * normal
     assert anchor_position(rubber(stretch), 0.3, 0.0, COEFFICIENT) == 0.3

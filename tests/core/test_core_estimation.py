@@ -153,7 +153,7 @@ def test_delayed_sample_is_the_one_of_so_many_before(delay: int) -> None:
     assert late == ([0.0] * delay + samples)[:100]
 
 
-def test_windows_and_delays_of_like_length_have_room_of_one_length() -> None:
-    rooms = [len(new_encoder(0.0, 0.0, window).ring) for window in (1, 10, 16, 17)]
-    assert rooms == [16, 16, 16, 32]
+def test_windows_and_delays_of_similar_length_share_a_buffer_length() -> None:
+    lengths = [len(new_encoder(0.0, 0.0, window).ring) for window in (1, 10, 16, 17)]
+    assert lengths == [16, 16, 16, 32]
     assert [len(new_delay_line(delay).samples) for delay in (0, 15, 16)] == [16, 16, 32]

@@ -18,11 +18,11 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.identification.laws import array_laws
 from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 
-# Table 3.1 of the thesis as printed: a, b in [N m], c in [rad/s], d in [N m s/rad].
+# Table 3.1 of the thesis as printed: a, b in [N·m], c in [rad/s], d in [N·m·s/rad].
 PRINTED_KNEE = (-1.743, -3.193, -0.2031, 2.06)
 PRINTED_HIP = (1.664, 4.2, 0.2252, 2.26)
 
-# Recomputed from that table with equation (3.1); velocity in [rad/s], torque in [N m].
+# Recomputed from that table with equation (3.1); velocity in [rad/s], torque in [N·m].
 KNEE_CURVE = {0.039: 2.51, 0.130: 2.02, 0.5: 4.20, 1.0: 5.25, 2.0: 7.31, 3.0: 9.37}
 HIP_CURVE = {0.039: 3.04, 0.148: 2.01, 0.5: 5.24, 1.0: 6.46, 2.0: 8.72, 3.0: 10.98}
 
@@ -70,7 +70,7 @@ def test_shipped_parameters_are_table_3_1_as_printed() -> None:
 @pytest.mark.parametrize(
     ("parameters", "curve"), [(KNEE_FRICTION, KNEE_CURVE), (HIP_FRICTION, HIP_CURVE)], ids=["knee", "hip"]
 )
-def test_table_3_1_gives_its_torques(parameters: FrictionParameters, curve: dict[float, float]) -> None:
+def test_table_3_1_reproduces_its_torques(parameters: FrictionParameters, curve: dict[float, float]) -> None:
     torques = [friction_torque(velocity, parameters) for velocity in curve]
     assert_allclose(torques, list(curve.values()), atol=0.005)  # printed with two decimals
 
@@ -111,7 +111,7 @@ def test_normalised_set_has_positive_a_b_and_c() -> None:
 
 @given(velocity=velocities, parameters=friction_sets)
 def test_friction_never_injects_power(velocity: float, parameters: FrictionParameters) -> None:
-    """The plant feels −T_fr, so its power is −T_fr·ω ≤ 0 for every set that is accepted."""
+    """−T_fr acts on the plant, so its power is −T_fr·ω ≤ 0 for every accepted set."""
     assert -friction_torque(velocity, parameters) * velocity <= 0.0
 
 
@@ -139,14 +139,14 @@ def test_stribeck_peak_is_a_minus_b_at_c_over_root_two(a: float, share: float, c
 
 
 @given(parameters=friction_sets)
-def test_fast_joint_feels_coulomb_and_viscous_friction_only(parameters: FrictionParameters) -> None:
+def test_fast_joint_has_only_coulomb_and_viscous_friction(parameters: FrictionParameters) -> None:
     law = parameters.normalised()
     velocity = 10.0 * law.breakaway_velocity  # exp(−100) is far below double precision
     expected = law.coulomb_friction + law.viscous_friction * velocity
     assert_allclose(friction_torque(velocity, parameters), expected, rtol=1e-12, atol=1e-12)
 
 
-def test_joint_at_rest_feels_no_friction() -> None:
+def test_joint_at_rest_has_no_friction() -> None:
     assert friction_torque(0.0, KNEE_FRICTION) == 0.0
 
 
@@ -199,7 +199,7 @@ efficiencies = st.floats(0.5, 1.0)
 
 
 @given(st.floats(0.5, 60.0), st.floats(0.2, 3.0), efficiencies)
-def test_gear_gives_its_efficiency_in_either_direction(torque: float, velocity: float, eta: float) -> None:
+def test_gear_has_its_efficiency_in_either_direction(torque: float, velocity: float, eta: float) -> None:
     """Driving, the joint gets η of the motor's power; driven backwards, the motor η of the joint's."""
     for way in (1.0, -1.0):
         driven = way * torque - gear_loss_torque(way * velocity, way * torque, eta, 1e-3)
@@ -209,7 +209,7 @@ def test_gear_gives_its_efficiency_in_either_direction(torque: float, velocity: 
 
 
 def test_gear_loss_by_hand() -> None:
-    """η 0.8 of 40 N m: 8 lost driving, 10 driven; A 0.225, B 0.025, and tanh 1 = 0.761594 at ω_t."""
+    """η 0.8 of 40 N·m: 8 lost driving, 10 driven; A 0.225, B 0.025, and tanh 1 = 0.761594 at ω_t."""
     assert gear_loss_torque(3.0, 40.0, 0.8, 0.02) == pytest.approx(8.0, rel=1e-12)
     assert gear_loss_torque(-3.0, 40.0, 0.8, 0.02) == pytest.approx(-10.0, rel=1e-12)
     assert gear_loss_torque(0.02, 40.0, 0.8, 0.02) == pytest.approx(6.274320, abs=1e-5)
@@ -219,7 +219,7 @@ def test_gear_loss_by_hand() -> None:
 
 
 @given(velocities, st.floats(-60.0, 60.0), efficiencies, st.floats(0.001, 0.2))
-def test_gear_loses_power_and_knows_no_direction(
+def test_gear_loses_power_in_either_direction(
     velocity: float, load: float, eta: float, transition_velocity: float
 ) -> None:
     torque = gear_loss_torque(velocity, load, eta, transition_velocity)
@@ -248,7 +248,7 @@ def test_share_of_the_load_leaves_the_rotor_a_positive_inertia(direction: float,
         assert loss_share(0.0, sign, eta) == 0.0
 
 
-def test_gear_that_loses_alike_both_ways_is_what_an_identification_of_loaded_joints_fits() -> None:
+def test_gear_with_symmetric_losses_matches_the_identified_model_of_loaded_joints() -> None:
     """The mean of driving and driven is A |τ| t, the load term of the law for identification, ω_t = c/10."""
     velocity, load = np.meshgrid(np.linspace(-2.0, 2.0, 41), np.linspace(-50.0, 50.0, 11))
     eta = 0.85

@@ -132,7 +132,7 @@ def test_long_conjunctions_are_evaluated_to_their_last_member_or_refused(
 
 
 def test_empty_conjunction_is_open() -> None:
-    """A pure time-out has no guard beside the time."""
+    """A pure timeout has no guard beside the time."""
     assert evaluate(AllOf(guards=()), signals_of(), None)
 
 

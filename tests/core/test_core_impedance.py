@@ -20,7 +20,7 @@ stiffnesses = st.floats(0.1, 1000.0)
 
 
 @given(equilibrium=angles, stiffness=stiffnesses, damping=st.floats(0.0, 100.0))
-def test_joint_at_rest_at_its_equilibrium_feels_nothing(
+def test_joint_at_rest_at_its_equilibrium_has_no_torque(
     equilibrium: float, stiffness: float, damping: float
 ) -> None:
     assert impedance_torque(equilibrium, 0.0, stiffness, damping, equilibrium) == 0.0

@@ -1,4 +1,4 @@
-"""Which kernel a model gets, what stays a run-time input, and how compiled kernels are kept."""
+"""Tests of the kernel of a model, of its run-time inputs, and of the cache of compiled kernels."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def chain(joints: int) -> pin.Model:
     model, parent = pin.Model(), 0
     for number in range(joints):
         kind = pin.JointModelRZ() if number % 2 else pin.JointModelRY()
-        place = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]) if number else np.zeros(3))
-        parent = model.addJoint(parent, kind, place, f"joint{number}")
+        placement = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]) if number else np.zeros(3))
+        parent = model.addJoint(parent, kind, placement, f"joint{number}")
         link = pin.Inertia(1.0, np.array([0.15, 0.0, 0.02]), 0.01 * np.eye(3))
         model.appendBodyToJoint(parent, link, pin.SE3.Identity())
     return model
@@ -86,10 +86,10 @@ def test_gravity_may_point_along_y(rng):
 def test_other_masses_lengths_and_armature_need_no_other_text(bench: LegModel, rng):
     changed = bench.model.copy()
     for joint in range(1, changed.njoints):
-        inertia, place = changed.inertias[joint], changed.jointPlacements[joint]
-        place.translation = 1.3 * place.translation
+        inertia, placement = changed.inertias[joint], changed.jointPlacements[joint]
+        placement.translation = 1.3 * placement.translation
         changed.inertias[joint] = pin.Inertia(2.0 * inertia.mass, 0.8 * inertia.lever, 3.0 * inertia.inertia)
-        changed.jointPlacements[joint] = place
+        changed.jointPlacements[joint] = placement
     changed.armature = 0.7 * changed.armature
     before, after = export_bodies(bench.model), export_bodies(changed)
     text = source_of(before)
@@ -123,13 +123,13 @@ BUILD = """
 import sys, time
 from pathlib import Path
 from twin_gait import load_experiment, simulate
-folder, number, told = Path(sys.argv[1]), sys.argv[2], []
+folder, number, compilations = Path(sys.argv[1]), sys.argv[2], []
 (folder / f"ready{number}").touch()
 while not (folder / "go").exists():
     time.sleep(0.001)
 experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
-log = simulate(experiment, on_compile=lambda: told.append(1)).log
-print(len(told), log["right_knee_angle_rad"].iloc[-1].hex())
+log = simulate(experiment, on_compile=lambda: compilations.append(1)).log
+print(len(compilations), log["right_knee_angle_rad"].iloc[-1].hex())
 """
 
 
@@ -180,7 +180,7 @@ def test_every_module_of_core_and_of_the_stages_is_hashed():
 
 @pytest.fixture
 def copied_sources(tmp_path, monkeypatch) -> Path:
-    """The sources that a key is made of, in a folder where they may be edited."""
+    """Return a folder with editable copies of the sources of a key."""
     home = Path(simulation.__file__).parent
     for part in ("simulation", "core"):
         shutil.copytree(home.parent / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
@@ -207,7 +207,7 @@ def test_an_edit_of_any_source_changes_the_key(copied_sources):
 
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill", "overground"])
-def test_every_function_that_is_compiled_stands_in_a_source_that_is_hashed(preset):
+def test_every_compiled_function_is_in_a_hashed_source(preset):
     settings = ["control.mode=position", "control.assistance.adaptive=true"]
     problem = build_setup(load_experiment(preset, settings).experiment)
     bodies, _, structure = assemble(problem)

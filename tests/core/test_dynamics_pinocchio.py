@@ -28,7 +28,7 @@ from twin_gait.leg_model.urdf import build_model
 GRAVITY = 9.81
 TOLERANCE = 1e-12
 # Two algorithms differ by some ten roundings times the condition number; beyond this one the difference of
-# their accelerations says nothing at 1e-12, and the residual of the equation of motion speaks alone.
+# their accelerations is not significant at 1e-12, and only the residual of the equation of motion counts.
 WELL_CONDITIONED = 1e3
 NO_GROUND = Ground()
 
@@ -67,13 +67,13 @@ class Kernel(NamedTuple):
         return np.array([[point.forward, point.upward, point.height] for point in points])
 
 
-def telling_law(ground: Ground, height: float, forward: float, upward: float) -> tuple[float, float]:
-    """In the place of a contact law: forces that are the velocities."""
+def velocity_law(ground: Ground, height: float, forward: float, upward: float) -> tuple[float, float]:
+    """Return the velocities as forces, in place of a contact law."""
     return forward, upward
 
 
 def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str = "z") -> str:
-    """All functions of a kernel that know a contact law or a law of motion, whatever the number of joints."""
+    """Return the source of all functions of a kernel with a contact law and a law of motion."""
     shape = kernel.KernelBodies(bodies, points, bodies, up_axis)
     functions = [
         kernel.write_dynamics(shape),
@@ -93,7 +93,7 @@ def kernel_of(model: pin.Model, points: tuple[ContactPoint, ...] = (), law=groun
 
 
 def assert_equal(found: np.ndarray, expected: np.ndarray) -> None:
-    """Equal to 1e-12 of the largest entry."""
+    """Check that arrays are equal to 1e-12 of the largest entry."""
     assert np.abs(found - expected).max() <= TOLERANCE * np.abs(expected).max()
 
 
@@ -290,22 +290,22 @@ def test_a_model_with_unbounded_joints_is_exported_by_its_angles(tree, seed):
 def test_points_of_any_tree_move_as_in_pinocchio(tree, seed):
     model, reference = models_of(tree)
     data, rng = reference.createData(), np.random.default_rng(seed)
-    places = rng.uniform(-0.5, 0.5, (model.nv, 3))
-    points = tuple(ContactPoint(body, place.tolist()) for body, place in enumerate(places))
+    positions = rng.uniform(-0.5, 0.5, (model.nv, 3))
+    points = tuple(ContactPoint(body, position.tolist()) for body, position in enumerate(positions))
     q, v = rng.uniform(-1.5, 1.5, (2, model.nv))
     pin.forwardKinematics(reference, data, configuration_of(reference, q), v)
     expected = []
-    for joint, place in enumerate(places, 1):
-        turned = data.oMi[joint].rotation @ place
+    for joint, position in enumerate(positions, 1):
+        turned = data.oMi[joint].rotation @ position
         velocity = pin.getVelocity(reference, data, joint, pin.LOCAL_WORLD_ALIGNED)
         forward, _, upward = velocity.linear + np.cross(velocity.angular, turned)
         expected.append([forward, upward, (data.oMi[joint].translation + turned)[2]])
-    assert_equal(kernel_of(model, points, telling_law).point_motion(q, v), np.array(expected))
+    assert_equal(kernel_of(model, points, velocity_law).point_motion(q, v), np.array(expected))
 
 
 @settings(max_examples=25)
 @given(tree=random_trees(), seed=st.integers(0, 2**32 - 1))
-def test_accelerations_of_any_tree_equal_those_of_mujoco(tree, seed):
+def test_accelerations_of_any_tree_equal_mujoco(tree, seed):
     mujoco = pytest.importorskip("mujoco", reason="mujoco is in the extra [test]")
     options = '<compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/>'
     theirs = mujoco.MjModel.from_xml_string(

@@ -40,7 +40,7 @@ def uniform(low: float, high: float, count: int = 4000) -> list[float]:
 
 
 def neighbours(values: Iterable[Any]) -> list[float]:
-    """The nearest number to each value, and those on either side."""
+    """Return the nearest number to each value, and its neighbours."""
     found = [float(value) for value in values]
     return [
         *found,
@@ -92,13 +92,13 @@ def test_the_hyperbolic_tangent_is_within_three_units():
     assert worst(hyperbolic_tangent, mpmath.tanh, [*uniform(-25.0, 25.0), *SHARES]) <= 3.0
 
 
-@pytest.mark.parametrize("place, exact", [(0, mpmath.sin), (1, mpmath.cos)])
-def test_sine_and_cosine_are_within_a_unit_and_a_half(place, exact):
-    assert worst(lambda x: sine_cosine(x)[place], exact, ANGLES) <= 1.5
+@pytest.mark.parametrize("index, exact", [(0, mpmath.sin), (1, mpmath.cos)])
+def test_sine_and_cosine_are_within_a_unit_and_a_half(index, exact):
+    assert worst(lambda x: sine_cosine(x)[index], exact, ANGLES) <= 1.5
 
 
 @pytest.mark.parametrize("span", [1e5, 1e6, 1e7, 1e8, 1e9])
-def test_beyond_their_range_sine_and_cosine_are_those_of_an_angle_two_roundings_off(span):
+def test_beyond_their_range_sine_and_cosine_have_an_angle_error_of_two_roundings(span):
     for x in uniform(-span, span, 500):
         sine, cosine = sine_cosine(x)
         assert abs(sine - mpmath.sin(x)) <= abs(x) * 2.0**-52 + 2.0**-52
@@ -120,7 +120,7 @@ def test_the_parts_of_the_two_periods_are_exact_as_far_as_they_have_to_be():
     assert max(map(bits_of, parts[:2])) <= 38 and abs(mpmath.fsum(parts) - QUARTER) < 2.0**-128
 
 
-def test_the_coefficients_of_the_exponential_are_those_of_their_derivation():
+def test_the_coefficients_of_the_exponential_match_their_derivation():
     """An interpolation at the outer eight of eleven Chebyshev nodes."""
     half = LN2 / 2 * mpf("1.0005")
     nodes = [half * mpmath.cos(mpmath.pi * (2 * i + 1) / 22) for i in (0, 1, 2, 3, 7, 8, 9, 10)]
@@ -131,7 +131,7 @@ def test_the_coefficients_of_the_exponential_are_those_of_their_derivation():
     assert [float(1 / mpf(6)), *found] == [getattr(elementary, f"_E{k}") for k in range(3, 12)]
 
 
-def test_the_polynomial_of_the_exponential_is_off_by_less_than_it_says():
+def test_the_polynomial_of_the_exponential_stays_below_its_stated_error():
     coefficients = [1, 1, 0.5, *(getattr(elementary, f"_E{k}") for k in range(3, 12))]
     for i in range(-200, 201):
         r = LN2 / 2 * i / 200
@@ -139,7 +139,7 @@ def test_the_polynomial_of_the_exponential_is_off_by_less_than_it_says():
         assert abs(value / mpmath.exp(r) - 1) < 1e-17
 
 
-def test_the_even_function_of_the_hyperbolic_tangent_is_off_by_less_than_it_says():
+def test_the_even_function_of_the_hyperbolic_tangent_stays_below_its_stated_error():
     for i in range(1, 201):
         r = LN2 / 2 * i / 200
         value = 2 + mpmath.fsum(getattr(elementary, f"_R{k}") * r**k for k in range(2, 11, 2))
@@ -180,7 +180,7 @@ def test_ends_and_zeros(function, x, value):
     assert function(x) == value
 
 
-def test_nan_passes_and_the_sine_of_infinity_is_none():
+def test_nan_passes_and_the_sine_of_infinity_is_nan():
     for function in (exponential, settled_share, hyperbolic_tangent, power_of_two):
         assert math.isnan(function(math.nan))
     for angle in (math.nan, math.inf, -math.inf):

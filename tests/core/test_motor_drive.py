@@ -179,9 +179,9 @@ def test_corrected_load_loses_18_percent_to_the_stop_where_the_printed_one_begin
 def test_path_velocity_and_acceleration_are_derivatives() -> None:
     path = CosinePath(start_angle=1.5, amplitude=-1.2, frequency=0.5)
     for time in np.linspace(0, 3, 13):
-        before, here, after = (cosine_path(path, time + step) for step in (-1e-5, 0.0, 1e-5))
-        assert_allclose(here[1], (after[0] - before[0]) / 2e-5, atol=1e-8)
-        assert_allclose(here[2], (after[1] - before[1]) / 2e-5, atol=1e-8)
+        before, now, after = (cosine_path(path, time + step) for step in (-1e-5, 0.0, 1e-5))
+        assert_allclose(now[1], (after[0] - before[0]) / 2e-5, atol=1e-8)
+        assert_allclose(now[2], (after[1] - before[1]) / 2e-5, atol=1e-8)
 
 
 def test_torsion_stores_the_work_put_into_it() -> None:
@@ -191,5 +191,5 @@ def test_torsion_stores_the_work_put_into_it() -> None:
     assert torsion_torque(0.0, 0.1, 3.1e4, 5.0) * 0.1 > 0.0  # the link follows, the motor is braked
 
 
-def test_constants_of_the_tests_are_those_of_the_knee() -> None:
+def test_constants_of_the_tests_equal_the_knee() -> None:
     assert (KNEE_ACTUATOR.resistance, KNEE_ACTUATOR.torque_constant * KNEE_ACTUATOR.gear_ratio) == (R, KE)

@@ -201,7 +201,7 @@ def stepped(law: LuGreFriction, velocity, path, end: float, steps: int) -> float
 
 @pytest.mark.parametrize("end", [0.02, 0.31, 0.5])
 @pytest.mark.parametrize("amplitude", [0.001, 0.02])
-def test_steps_come_to_what_an_ode_solver_finds(amplitude: float, end: float) -> None:
+def test_steps_equal_an_ode_solver(amplitude: float, end: float) -> None:
     """A step of 1 ms errs by less than 1 % of the way until the bristles slide; by half as much at 0.5 ms."""
 
     def path(t: float) -> float:
@@ -259,7 +259,7 @@ def test_laws_without_bristles_have_no_state(law: FrictionLaw) -> None:
 
 @pytest.mark.parametrize("law", [STATIC, SKEWED], ids=["asymmetric", "lugre"])
 def test_gear_takes_its_loss_from_a_joint_that_slides(law: FrictionLaw) -> None:
-    """η 0.8 of -40 N m is 8 N m where the motor drives and 10 N m where it brakes, once the joint slides."""
+    """η 0.8 of -40 N·m is 8 N·m where the motor drives and 10 N·m where it brakes, once the joint slides."""
     friction = law.to_plant_friction(0.8)
     for velocity, lost in ((0.8, 10.0), (-0.8, -8.0)):
         share = loss_share(gear_direction(friction, velocity), -1.0, friction.gear_efficiency)
@@ -267,7 +267,7 @@ def test_gear_takes_its_loss_from_a_joint_that_slides(law: FrictionLaw) -> None:
 
 
 @pytest.mark.parametrize("law", [HIP_FRICTION, STATIC, SKEWED], ids=["rotational", "asymmetric", "lugre"])
-def test_a_ratio_scales_every_law_and_none_is_left_of_nought(law: FrictionLaw) -> None:
+def test_a_ratio_scales_every_law_and_ratio_zero_removes_it(law: FrictionLaw) -> None:
     whole, half = law.to_plant_friction(), law.scaled(0.5).to_plant_friction()
     for velocity in (-1.0, -0.02, 0.05, 2.0):
         torques = [
@@ -307,8 +307,8 @@ def test_a_joint_without_friction_needs_no_law() -> None:
         ({"stribeck_exponent": 0.0}, ("stribeck_exponent", "0", "0.0")),
         ({"viscous_exponent": -1.0}, ("viscous_exponent", "0", "-1.0")),
         ({"viscous_friction_backward": -0.1}, ("viscous_friction_backward", "0", "-0.1")),
-        ({"offset": 3.0}, ("offset", "3 N m", "3.0")),
-        ({"offset": -2.0, "breakaway_torque": 1.0}, ("offset", "1 N m", "-2.0")),
+        ({"offset": 3.0}, ("offset", "3 N·m", "3.0")),
+        ({"offset": -2.0, "breakaway_torque": 1.0}, ("offset", "1 N·m", "-2.0")),
         ({"offset": math.nan}, ("offset", "-1000")),
         ({"bristle_stiffness": 0.0}, ("bristle_stiffness", "0", "0.0")),
         ({"bristle_damping": math.inf}, ("bristle_damping", "0", "inf")),

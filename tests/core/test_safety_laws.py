@@ -1,4 +1,4 @@
-"""The laws of the safety monitor against closed forms, and each of its bounds by itself."""
+"""Tests of the laws of the safety monitor against closed forms, and of each of its bounds alone."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ BOUNDS = safety.Bounds(
 
 
 def watch(times: int = 1, *, angle=0.5, last=0.499, velocity=1.0, **remembered: float) -> list[TripCause]:
-    """Causes of a number of ticks in which the same is measured again and again."""
+    """Return the causes of a number of ticks with constant measurements."""
     encoder = replace(new_encoder(0.0, angle, 1), last_angle=last, velocity_fast=velocity)
     watched = safety.MonitorState(**{"motor_speed": 1.0, **remembered})
     found = [safety.monitor_joint(BOUNDS, watched, encoder, PERIOD) for _ in range(times)]
@@ -144,7 +144,7 @@ def test_a_bound_that_may_be_broken_for_a_time_trips_after_just_that_time(cause)
     assert causes[-1] is cause
 
 
-def test_a_joint_that_is_slow_near_a_stop_may_go_where_a_fast_one_may_not():
+def test_a_slow_joint_near_a_stop_is_allowed_where_a_fast_one_trips():
     near = {"angle": 1.9, "last": 1.899}
     assert watch(velocity=1.0, **near) == [TripCause.NONE]
     assert watch(velocity=2.0, **near) == [TripCause.JOINT_RANGE]
@@ -152,7 +152,7 @@ def test_a_joint_that_is_slow_near_a_stop_may_go_where_a_fast_one_may_not():
 
 
 @pytest.mark.parametrize("command", [math.nan, math.inf, -math.inf, 300.1, -1e9])
-def test_a_command_that_is_no_number_or_out_of_all_proportion_is_refused(command):
+def test_a_nan_or_excessive_command_is_refused(command):
     assert not safety.command_is_plausible(command, 300.0)
 
 

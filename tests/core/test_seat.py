@@ -54,12 +54,12 @@ def test_it_never_pulls(rise: float) -> None:
         assert normal == 0.0 or height < 0.45
 
 
-def test_force_comes_to_bear_behind_both_edges_without_a_jump() -> None:
-    places = np.arange(-0.3, 0.4, 1e-4)
-    shares = np.array([edge_stiffness_share(seat(), place) for place in places])
+def test_force_acts_behind_both_edges_without_a_jump() -> None:
+    positions = np.arange(-0.3, 0.4, 1e-4)
+    shares = np.array([edge_stiffness_share(seat(), position) for position in positions])
     assert np.abs(np.diff(shares)).max() == pytest.approx(1e-4 / 0.03)
-    assert shares[(places > -0.12) & (places < 0.22)].min() == 1.0
-    assert shares[(places < -0.15) | (places > 0.25)].max() == 0.0
+    assert shares[(positions > -0.12) & (positions < 0.22)].min() == 1.0
+    assert shares[(positions < -0.15) | (positions > 0.25)].max() == 0.0
 
 
 def skin(along: float, behind: float, q: np.ndarray) -> np.ndarray:
@@ -73,13 +73,13 @@ def skin(along: float, behind: float, q: np.ndarray) -> np.ndarray:
 Q, V = np.array([0.03, 0.53, 0.2, 1.75]), np.array([-0.05, -0.2, 0.7, -0.4])
 
 
-def rates_of(place) -> np.ndarray:
+def rates_of(function) -> np.ndarray:
     """Jacobian of a place by central differences, shape ``(2, 4)``."""
     steps = 1e-6 * np.eye(4)
-    return np.array([(place(Q + step) - place(Q - step)) / 2e-6 for step in steps]).T
+    return np.array([(function(Q + step) - function(Q - step)) / 2e-6 for step in steps]).T
 
 
-def test_thigh_feels_the_transposed_jacobian_of_its_point() -> None:
+def test_torque_on_the_thigh_is_the_transposed_jacobian_times_the_force() -> None:
     bench = seat()
     jacobian = rates_of(lambda q: skin(0.2, 0.08, q))
     (x, z), (speed, rise) = skin(0.2, 0.08, Q), jacobian @ V

@@ -1,4 +1,4 @@
-"""The inertial unit of the trunk: what it feels, and the pitch that its filter finds, in closed form."""
+"""Tests of the inertial unit of the trunk: measured quantities and filtered pitch in closed form."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def at_rest(pitch: float) -> tuple[float, float]:
 
 
 def test_the_specific_force_is_the_acceleration_of_the_units_place_less_gravity() -> None:
-    """By finite differences of where it is on a path of the hips; in the axes of the trunk."""
+    """By finite differences of its position on a path of the hips, in the axes of the trunk."""
 
     def hips(t: float) -> tuple[np.ndarray, float]:
         return np.array([0.3 * math.sin(2.0 * t), 0.9 + 0.05 * math.cos(5.0 * t)]), 0.2 + 0.4 * math.sin(
@@ -41,13 +41,13 @@ def test_the_specific_force_is_the_acceleration_of_the_units_place_less_gravity(
     def axes(pitch: float) -> tuple[np.ndarray, np.ndarray]:
         return np.array([math.cos(pitch), -math.sin(pitch)]), np.array([math.sin(pitch), math.cos(pitch)])
 
-    def place(t: float) -> np.ndarray:
+    def position(t: float) -> np.ndarray:
         at, pitch = hips(t)
         forwards, upwards = axes(pitch)
         return np.asarray(at - 0.15 * forwards + 0.2 * upwards)
 
     t, h = 0.37, 1e-4
-    felt = (place(t + h) - 2.0 * place(t) + place(t - h)) / h**2 + [0.0, GRAVITY]
+    felt = (position(t + h) - 2.0 * position(t) + position(t - h)) / h**2 + [0.0, GRAVITY]
     pitch = 0.2 + 0.4 * math.sin(3.0 * t)
     rate, turning = 1.2 * math.cos(3.0 * t), -3.6 * math.sin(3.0 * t)
     forward, upward = -1.2 * math.sin(2.0 * t), -1.25 * math.cos(5.0 * t)
@@ -55,7 +55,7 @@ def test_the_specific_force_is_the_acceleration_of_the_units_place_less_gravity(
     assert_allclose(found, [axis @ felt for axis in axes(pitch)], atol=1e-6)
 
 
-def test_on_hips_that_stand_still_it_is_the_law_of_a_link() -> None:
+def test_on_resting_hips_it_equals_the_law_of_a_link() -> None:
     """A trunk that hangs level from its hips where the link does: θ_h = 90 deg."""
     unit = unit_of()
     unit.behind = 0.0
@@ -113,7 +113,7 @@ def test_an_acceleration_is_taken_for_gravity_by_the_share_of_the_time_constant(
     assert_allclose(found[-1], found[499] * math.exp(-1.0 / tau), rtol=2e-3)
 
 
-def test_the_noise_is_that_of_the_filter() -> None:
+def test_the_noise_equals_the_noise_of_the_filter() -> None:
     r"""White noise: :math:`\sigma^2 = [(1-\alpha)^2 T^2 \sigma_\omega^2 + \alpha^2 \sigma_a^2 / g^2]
     / [1 - (1-\alpha)^2]`."""
     sensor = TrunkSensorParameters()

@@ -1,4 +1,4 @@
-"""What the wearer does at a joint, against numbers and arguments from elsewhere."""
+"""Tests of the joint torques of the wearer against published numbers and independent arguments."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def published_knee(hip: int, knee: int, plantarflexion: int) -> Decimal:
 
 
 @pytest.mark.parametrize("posture", POSTURES, ids=str)
-def test_passive_torques_are_those_of_riener_and_edrich(posture):
+def test_passive_torques_equal_riener_and_edrich(posture):
     getcontext().prec = 30
     hip, knee, plantarflexion = posture
     angles = math.radians(hip), math.radians(knee)
@@ -102,7 +102,7 @@ def test_passive_torques_resist_the_ends_of_the_range():
 
 @given(hip=st.floats(-0.4, 1.5), knee=st.floats(0.0, 1.5))
 def test_hamstrings_bend_the_knee_of_a_flexed_hip_and_calves_that_of_a_dorsiflexed_ankle(hip, knee):
-    """Muscles over two joints: both are stretched by what is said, and both flex the knee."""
+    """Muscles over two joints: these postures stretch them, and both flex the knee."""
     resting = passive_knee_torque(hip, knee, 0.0)
     assert passive_knee_torque(hip + 0.1, knee, 0.0) > resting
     assert passive_knee_torque(hip, knee, 0.1) > resting
@@ -128,7 +128,7 @@ def test_spastic_torque_has_no_jump(velocity, change, catch, gain):
 
 
 def test_spastic_torque_by_hand():
-    """Caught at 1 rad/s, 2 N m s/rad: at 2.5 rad/s 3 N m against the motion."""
+    """Caught at 1 rad/s, 2 N·m·s/rad: at 2.5 rad/s 3 N·m against the motion."""
     assert spastic_torque(2.5, 1.0, 2.0) == -3.0
     assert spastic_torque(-2.5, 1.0, 2.0) == 3.0
 
@@ -153,7 +153,7 @@ def test_place_in_a_table_interpolates_as_numpy_does(angle, lowest, step, count)
 # ---------------------------------------------------------------- Winter's moments
 
 
-def test_signs_of_winters_moments_are_those_that_he_describes():
+def test_signs_of_winters_moments_match_his_description():
     """Winter (1991): both joints extend against the load of early stance (the knee after a first flexor
     moment), the hip pulls the leg forward at push-off, and extensors of the hip and flexors of the knee brake
     the leg before contact. Flexors are positive here."""
@@ -201,10 +201,10 @@ def swing_moments(speed: float, height: float, percent: np.ndarray) -> tuple[np.
     return on_a + on_b, -on_b  # virtual work: b is hip less knee
 
 
-def test_signs_of_winters_moments_are_those_that_swing_a_leg():
+def test_signs_of_winters_moments_swing_a_leg():
     """Inverse dynamics of a reference gait at Winter's slow speed, which shares nothing with his tables.
 
-    The reference is splined from a few events, so that its accelerations are rough: it can tell the sign.
+    The reference is a spline of few events with inaccurate accelerations, but it determines the sign.
     """
     percent = np.linspace(60.0, 102.0, 421)
     swing, braking = (percent >= 66.0) & (percent <= 97.0), (percent >= 93.0) & (percent <= 97.0)
@@ -238,7 +238,7 @@ def test_impossible_condition_is_refused(wrong, message):
         JointCondition(**wrong)
 
 
-def test_wearer_who_gives_nothing_is_mass_alone():
+def test_wearer_without_torques_is_mass_alone():
     left_hip, right_knee = ("left", JointName.HIP), ("right", JointName.KNEE)
     idle = {
         left_hip: JointCondition(effort=1.0, strength=0.0),
@@ -251,6 +251,6 @@ def test_wearer_who_gives_nothing_is_mass_alone():
 @pytest.mark.parametrize(
     ("idle", "needed"), [("strength", "effort"), ("stretch_reflex_threshold", "stretch_reflex_gain")]
 )
-def test_what_is_idle_does_nothing(idle, needed):
+def test_idle_conditions_have_no_effect(idle, needed):
     assert JointCondition(**{idle: 0.5}).is_torque_free
     assert not JointCondition(**{idle: 0.5, needed: 0.5}).is_torque_free

@@ -27,7 +27,7 @@ def insert(tmp_path):
     return module
 
 
-def test_numbers_and_tables_of_all_pages_are_those_of_the_results():
+def test_numbers_and_tables_of_all_pages_match_the_results():
     check = subprocess.run([sys.executable, INSERT, "--check"], capture_output=True, text=True)
     assert check.returncode == 0, f"{check.stdout}{check.stderr}run python docs/insert.py"
 
@@ -89,4 +89,4 @@ def test_no_line_begins_with_a_quoted_number():
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     begun = [(page, line) for page in pages for line in page.read_text(encoding="utf-8").splitlines()]
     assert sum("<!-- value " in line for _, line in begun) > 100
-    assert [place for place in begun if place[1].lstrip().startswith("<!-- value ")] == []
+    assert [occurrence for occurrence in begun if occurrence[1].lstrip().startswith("<!-- value ")] == []

@@ -1,4 +1,4 @@
-"""Every recipe of the documentation is a diff that applies to this tree, and does what its page says."""
+"""Tests that every recipe of the documentation is a diff that applies to this tree and works as described."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ NAMES = sorted(path.stem for path in RECIPES.glob("*.diff"))
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
-    """Copy of what the diffs change; a folder of its own for every recipe."""
+    """Return a function that copies the files changed by a recipe to a separate folder."""
     folder = tmp_path_factory.mktemp("recipes")
 
     def changed(name: str) -> Path:
-        place = folder / name
-        if not place.is_dir():
+        checkout = folder / name
+        if not checkout.is_dir():
             ignored = shutil.ignore_patterns("__pycache__")
             for part in ("twin_gait", "urdf"):
-                shutil.copytree(ROOT / part, place / part, ignore=ignored)
+                shutil.copytree(ROOT / part, checkout / part, ignore=ignored)
             applied = subprocess.run(
                 ["git", "apply", "--recount", str(RECIPES / f"{name}.diff")],
-                cwd=place,
+                cwd=checkout,
                 capture_output=True,
                 text=True,
                 env={**os.environ, "GIT_CEILING_DIRECTORIES": str(folder)},
             )
             assert applied.returncode == 0, f"{applied.stderr}write the diff anew"
-        return place
+        return checkout
 
     return changed
 
@@ -43,30 +43,30 @@ def tree(tmp_path_factory):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_diff_of_a_recipe_applies(name, tree):
     changed = re.findall(r"^\+\+\+ b/(.*)$", (RECIPES / f"{name}.diff").read_text(), flags=re.MULTILINE)
-    place = tree(name)
+    checkout = tree(name)
     for path in changed:
         before = ROOT / path
-        after = (place / path).read_text(encoding="utf-8")
+        after = (checkout / path).read_text(encoding="utf-8")
         assert not before.is_file() or before.read_text(encoding="utf-8") != after
         if path.endswith(".py"):
             compile(after, path, "exec")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_recipe_has_a_page_and_touches_as_many_files_as_it_says(name):
+def test_a_recipe_has_a_page_and_changes_the_stated_number_of_files(name):
     page = (RECIPES / f"{name}.md").read_text(encoding="utf-8")
     assert f"```{{literalinclude}} {name}.diff" in page and f"```{{literalinclude}} try_{name}.py" in page
     diff = (RECIPES / f"{name}.diff").read_text(encoding="utf-8")
-    (said,) = re.findall(r"^Files: (\d+)", page, flags=re.MULTILINE)
-    assert int(said) == diff.count("\ndiff --git") + diff.startswith("diff --git")
+    (stated,) = re.findall(r"^Files: (\d+)", page, flags=re.MULTILINE)
+    assert int(stated) == diff.count("\ndiff --git") + diff.startswith("diff --git")
 
 
 @pytest.mark.slow
 @pytest.mark.compile
 @pytest.mark.parametrize("name", NAMES)
-def test_a_recipe_does_what_its_page_says(name, tree, tmp_path):
-    place = tree(name)
-    environment = {**os.environ, "PYTHONPATH": str(place), "TWIN_GAIT_CACHE": str(tmp_path / "cache")}
+def test_a_recipe_works_as_its_page_describes(name, tree, tmp_path):
+    checkout = tree(name)
+    environment = {**os.environ, "PYTHONPATH": str(checkout), "TWIN_GAIT_CACHE": str(tmp_path / "cache")}
     script = str(RECIPES / f"try_{name}.py")
     done = subprocess.run(
         [sys.executable, script], cwd=tmp_path, env=environment, capture_output=True, text=True
@@ -85,18 +85,18 @@ NEARBY = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["signal", "leg_signal", "world"])
-def test_only_the_tests_that_a_page_names_mind_its_recipe(name, tree):
-    """All others go by what is declared."""
-    place = tree(name)
+def test_only_the_tests_named_by_a_page_fail_with_its_recipe(name, tree):
+    """All other tests follow the declarations."""
+    checkout = tree(name)
     for part in ("tests", "examples", "docs"):
-        shutil.copytree(ROOT / part, place / part, ignore=shutil.ignore_patterns("__pycache__", "_build"))
+        shutil.copytree(ROOT / part, checkout / part, ignore=shutil.ignore_patterns("__pycache__", "_build"))
     for part in ("pyproject.toml", "README.md", "CHANGELOG.md"):
-        shutil.copy(ROOT / part, place / part)
+        shutil.copy(ROOT / part, checkout / part)
     command = [sys.executable, "-m", "pytest", "-q", "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
     done = subprocess.run(
         [*command, *(f"tests/{part}" for part in NEARBY)],
-        cwd=place,
-        env={**os.environ, "PYTHONPATH": str(place)},
+        cwd=checkout,
+        env={**os.environ, "PYTHONPATH": str(checkout)},
         capture_output=True,
         text=True,
     )
@@ -106,10 +106,10 @@ def test_only_the_tests_that_a_page_names_mind_its_recipe(name, tree):
     assert failed == named, done.stdout
 
 
-def test_the_index_counts_the_files_of_every_recipe():
+def test_the_index_states_the_number_of_files_of_every_recipe():
     rows = re.findall(
         r"^\| \[.*\]\((\w+)\.md\) \| (\d+) \|$", (RECIPES / "index.md").read_text(), flags=re.MULTILINE
     )
-    said = {name: int(count) for name, count in rows}
+    stated = {name: int(count) for name, count in rows}
     counted = {name: (RECIPES / f"{name}.diff").read_text().count("diff --git a/") for name in NAMES}
-    assert said == counted
+    assert stated == counted

@@ -1,4 +1,4 @@
-"""What a release needs: version, citation, changelog, licences, notes and templates."""
+"""Tests of the parts of a release: version, citation, changelog, licences, notes and templates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 NEXT = PROJECT["tool"]["hatch"]["version"]["fallback-version"]
 
 
-def test_the_version_of_a_bare_checkout_is_that_of_the_build():
+def test_the_version_of_a_bare_checkout_equals_the_build():
     source = (ROOT / "twin_gait" / "__init__.py").read_text(encoding="utf-8")
     assert f'__version__ = "{NEXT}"' in source
     assert re.match(r"\d+\.\d+\.\d+", twin_gait.__version__)
@@ -53,7 +53,7 @@ def test_every_requirement_has_a_licence_in_the_page(extra):
     assert listed(extra) == names - {"twin-gait"}, "run python docs/insert.py"
 
 
-def test_the_version_of_python_that_is_required_is_the_lowest_that_was_tried():
+def test_the_required_python_version_is_the_lowest_tested_one():
     lowest = PROJECT["project"]["requires-python"].removeprefix(">=")
     tried = (ROOT / "docs" / "reference" / "versions.md").read_text(encoding="utf-8")
     stated = [
@@ -69,20 +69,20 @@ def test_the_version_of_python_that_is_required_is_the_lowest_that_was_tried():
 @pytest.mark.parametrize("tagged", [True, False], ids=["of a tag", "without one"])
 def test_sdist_and_wheel_are_built_and_pass_twine(tagged, tmp_path):
     """From a clone with a tag, or a plain folder; the wheel comes from the sdist, where no git is."""
-    place = tmp_path / "source"
+    source = tmp_path / "source"
     kept = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
     if kept.returncode:
         pytest.skip("not a checkout")
     for name in kept.stdout.splitlines():
         if (ROOT / name).is_file():
-            (place / name).parent.mkdir(parents=True, exist_ok=True)
-            (place / name).write_bytes((ROOT / name).read_bytes())
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            (source / name).write_bytes((ROOT / name).read_bytes())
     if tagged:
-        who = ("-c", "user.name=x", "-c", "user.email=x@example.org")
-        for words in (("init", "-q"), ("add", "-A"), (*who, "commit", "-qm", "x"), ("tag", "v9.8.7")):
-            subprocess.run(["git", *words], cwd=place, check=True)
+        identity = ("-c", "user.name=x", "-c", "user.email=x@example.org")
+        for words in (("init", "-q"), ("add", "-A"), (*identity, "commit", "-qm", "x"), ("tag", "v9.8.7")):
+            subprocess.run(["git", *words], cwd=source, check=True)
     out = tmp_path / "dist"
-    words = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(place)]
+    words = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(source)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     names = sorted(path.name for path in out.iterdir())

@@ -1,4 +1,4 @@
-"""The site: scripts have places and titles, tutorials run, the page of the summary is whole."""
+"""Tests of the site: scripts have places and titles, tutorials run, the page of the summary is complete."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def test_every_public_name_is_described(module):
     names = (
         set(twin_gait.__all__) - {"__version__"} if module == "twin_gait" else set(api_pages.PUBLIC[module])
     )
-    said = {} if module == "twin_gait" else api_pages.meanings(module)
+    described = {} if module == "twin_gait" else api_pages.meanings(module)
     # The colours are described by the docstring of their module.
-    assert all(said.values()) or module == "twin_gait.palette", said
-    for name in names - set(said):
+    assert all(described.values()) or module == "twin_gait.palette", described
+    for name in names - set(described):
         assert inspect.getdoc(getattr(found, name)), f"{module}.{name}"
 
 
@@ -59,11 +59,11 @@ def test_public_names_are_few():
 
 
 def test_the_first_tutorial_runs_as_a_notebook_and_shows_a_run_as_a_card(tmp_path):
-    """In a kernel of Jupyter, as a reader has it. The others run when the site is built."""
+    """Run in a Jupyter kernel; the other tutorials run when the site is built."""
     jupytext, nbclient = pytest.importorskip("jupytext"), pytest.importorskip("nbclient")
     notebook = jupytext.read(DOCS / "tutorials" / "walk.md", fmt="md:myst")
-    where = {"metadata": {"path": str(tmp_path)}}
-    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3", resources=where).execute()
+    resources = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
     shown = [
         output["data"] for cell in notebook.cells for output in cell.get("outputs", ()) if "data" in output
     ]
@@ -72,7 +72,7 @@ def test_the_first_tutorial_runs_as_a_notebook_and_shows_a_run_as_a_card(tmp_pat
 
 
 def keys_of(summary: dict, before: str = "") -> set[str]:
-    """Dotted keys, with SIDE, JOINT and PHASE for the names of those."""
+    """Return dotted keys with SIDE, JOINT and PHASE in place of names."""
     found = set()
     for key, value in summary.items():
         name = "SIDE" if key in tuple(Side) else "JOINT" if key in tuple(JointName) else key

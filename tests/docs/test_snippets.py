@@ -1,4 +1,4 @@
-"""Every block of code in README and pages runs: Python, YAML and commands of the shell.
+"""Tests that every block of code in README and pages runs: Python, YAML and shell commands.
 
 Cells of *Start* and of the tutorials run when the site is built, diffs and scripts of the recipes in their
 own tests, scripts of ``examples/`` in the gallery. What is left over runs here, in a folder that has the
@@ -32,7 +32,7 @@ PAGES = [
     *(page for name in SECTIONS for page in sorted((ROOT / "docs" / name).glob("*.md"))),
 ]
 BLOCK = re.compile(r"^( *)```(python|yaml|sh)\n(.*?)^ *```", flags=re.DOTALL | re.MULTILINE)
-# Commands that end only when they are told to, have other machines, or set up an environment.
+# Commands that run until they are stopped, need other machines, or set up an environment.
 NOT_HERE = (
     "pip ",
     "twin-gait live",
@@ -55,7 +55,7 @@ from twin_gait.worlds.world import Scenario
 
 
 def blocks(language: str) -> list[pytest.param]:
-    """Blocks of a language, by page and number."""
+    """Return the code blocks of a language by page and number."""
     found = []
     for page in PAGES:
         texts = [
@@ -68,8 +68,8 @@ def blocks(language: str) -> list[pytest.param]:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory):
-    """What a reader has before them: tables, experiments, a run, logs; the sweep is a small one."""
+def user_files(tmp_path_factory):
+    """Return a folder with the files that the pages use: tables, experiments, a run, logs, a small sweep."""
     folder = tmp_path_factory.mktemp("desk")
     shutil.copy(CONFIGURATION / "tables" / "treadmill.yaml", folder / "my_table.yaml")
     shutil.copy(CONFIGURATION / "modes" / "twin.yaml", folder / "my_modes.yaml")
@@ -115,14 +115,14 @@ def run_line(line: str) -> None:
 
 
 def lines_here(block: str) -> list[str]:
-    """Commands of a block that run here, without their comments."""
+    """Return the commands of a block that can run here, without comments."""
     lines = (re.split(r" +# ", line)[0].strip() for line in block.replace("\\\n", " ").splitlines())
     return [line for line in lines if line and not any(word in line for word in NOT_HERE)]
 
 
 @pytest.mark.parametrize("block", [item for item in blocks("sh") if lines_here(item.values[0])])
-def test_commands_run_in_the_order_of_their_block(block, desk, tmp_path, monkeypatch):
-    shutil.copytree(desk, tmp_path / "desk")
+def test_commands_run_in_the_order_of_their_block(block, user_files, tmp_path, monkeypatch):
+    shutil.copytree(user_files, tmp_path / "desk")
     monkeypatch.chdir(tmp_path / "desk")
     if "human.urdf" in block:
         shutil.copy(robot_urdf("human_description/robots/human.urdf"), "human.urdf")
@@ -131,25 +131,25 @@ def test_commands_run_in_the_order_of_their_block(block, desk, tmp_path, monkeyp
 
 
 @pytest.fixture(scope="module")
-def asked():
-    """A run whose modes were asked for, as the pages have it."""
+def requested_run():
+    """Return a run with requests of modes, as on the pages."""
     settings = ["duration_s=6", "modes=twin", "initial_mode=standing", "requests=[sit@5s]"]
     return simulate(load_experiment("overground", settings).experiment)
 
 
 @pytest.mark.parametrize("block", blocks("python"))
-def test_python_runs(block, asked, desk, tmp_path, monkeypatch):
+def test_python_runs(block, requested_run, user_files, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    shutil.copy(desk / "my_table.yaml", "my_leg.yaml")
-    known = {
-        "run": asked,
+    shutil.copy(user_files / "my_table.yaml", "my_leg.yaml")
+    names = {
+        "run": requested_run,
         "my_machine": lambda phase: GaitStateMachine(load_gait_table("my_leg.yaml"), phase),
     }
-    exec(compile(HEADER + block, "page", "exec"), known)
+    exec(compile(HEADER + block, "page", "exec"), names)
 
 
 def laid_over(below: Any, above: Any) -> Any:
-    """A file with what a page shows written into it."""
+    """Return a document with the keys shown on a page merged into it."""
     if not (isinstance(below, dict) and isinstance(above, dict)):
         return above
     return below | {key: laid_over(below.get(key), value) for key, value in above.items()}

@@ -10,7 +10,7 @@ from floor import walk as programme
 from twin_gait import load_experiment, simulate
 
 
-def test_without_casadi_one_line_says_what_to_install(monkeypatch, capsys):
+def test_without_casadi_one_line_names_the_extra_to_install(monkeypatch, capsys):
     monkeypatch.setattr(programme, "ca", None)
     with pytest.raises(SystemExit) as left:
         programme.require_casadi()
@@ -35,10 +35,10 @@ def test_an_optimum_is_replayed_and_beats_the_table():
     assert row["stride_s"] == pytest.approx(2.0 * search.half, abs=1e-3)
 
     # Half a stride later the other leg is where this one was.
-    n, places = len(found.states) // 2, {"left": "right", "right": "left"}
+    n, other_side = len(found.states) // 2, {"left": "right", "right": "left"}
     model = found.problem.world.model
     for item in found.problem.joints:
-        other = model.index(places[item.side], item.joint)
+        other = model.index(other_side[item.side], item.joint)
         for shift in (0, n):
             assert found.states[item.coordinate + shift, -1] == pytest.approx(
                 found.states[other + shift, 0], abs=1e-7

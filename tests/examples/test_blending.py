@@ -20,9 +20,9 @@ from blending import (
     measures,
     overshoot,
     robustness,
+    select_switches,
     switch_effects,
     switch_rows,
-    telling_switches,
     walk,
 )
 from numpy.testing import assert_allclose
@@ -88,7 +88,7 @@ def test_switching_energy_balances_with_the_torque_that_was_logged(short: Run, s
 
 
 @pytest.mark.parametrize(("side", "joint"), JOINTS)
-def test_every_joule_belongs_to_a_switch(short: Run, side: str, joint: str) -> None:
+def test_all_energy_is_assigned_to_switches(short: Run, side: str, joint: str) -> None:
     effects = switch_effects(short)
     own = effects[(effects["side"] == side) & (effects["joint"] == joint)]
     columns = ("measured_angle_rad", "stiffness_Nm_per_rad", "equilibrium_rad")
@@ -98,7 +98,7 @@ def test_every_joule_belongs_to_a_switch(short: Run, side: str, joint: str) -> N
 
 
 @pytest.mark.slow
-def test_no_effect_in_the_summary_is_larger_than_that_of_a_switch(walks: dict[Blend, Run]) -> None:
+def test_effects_in_the_summary_do_not_exceed_the_effect_of_a_switch(walks: dict[Blend, Run]) -> None:
     """By two ways: all switches of a leg here, those within the strides that count in the summary."""
     for run in walks.values():
         effects = switch_effects(run).groupby(["side", "joint"])[["torque_jump_Nm", "torque_change_Nm"]].max()
@@ -112,7 +112,7 @@ def test_no_effect_in_the_summary_is_larger_than_that_of_a_switch(walks: dict[Bl
 
 
 @pytest.mark.parametrize("law", [LINEAR, MINIMUM_JERK])
-def test_blend_of_no_length_is_a_step_whatever_its_law(law: str) -> None:
+def test_blend_of_zero_duration_is_a_step_for_every_law(law: str) -> None:
     stepped, run = walk(STEP, 1.5), walk((law, 0), 1.5)
     assert len(run.switches) > 0
     pd.testing.assert_frame_equal(run.log, stepped.log, check_exact=True)
@@ -127,7 +127,7 @@ def test_blends_hold_each_law_at_each_duration_once_and_the_shipped_one() -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("joint", ["hip", "knee"])
-def test_blending_tames_the_jump_within_a_tick(table: pd.DataFrame, joint: str) -> None:
+def test_blending_reduces_the_jump_within_a_tick(table: pd.DataFrame, joint: str) -> None:
     stepped = row(table, STEP)[f"{joint}_torque_jump_Nm"]
     for case in (STRAIGHT, SMOOTH):
         assert row(table, case)[f"{joint}_torque_jump_Nm"] < 0.2 * stepped
@@ -160,7 +160,7 @@ def test_order_of_the_laws_does_not_depend_on_the_filter(
 
 
 @pytest.mark.parametrize("angle", [-0.1, 0.152, 0.9])
-def test_knee_that_softens_while_its_equilibrium_leaves_overshoots_by_a_known_torque(angle: float) -> None:
+def test_softening_knee_with_moving_equilibrium_overshoots_by_a_known_torque(angle: float) -> None:
     """Halfway through a linear blend the torque is Δk Δθ0 / 4 below the mean of its ends, at any angle."""
     phases = load_experiment("treadmill").experiment.table.phases
     old, new = (phases[name].joints["knee"] for name in ("middle_stance", "late_stance"))
@@ -177,10 +177,10 @@ def test_knee_that_softens_while_its_equilibrium_leaves_overshoots_by_a_known_to
     assert_allclose(middle - 0.5 * (start + end), overshoot()["torque_Nm"])
 
 
-def test_telling_switch_is_the_one_in_which_a_blend_overshoots(walks: dict[Blend, Run]) -> None:
+def test_selected_switch_is_the_one_in_which_a_blend_overshoots(walks: dict[Blend, Run]) -> None:
     """Late stance hands a stiff knee over to a soft one far away: k falls while θ0 moves."""
     effects = {case: switch_effects(run) for case, run in walks.items()}
-    strongest, overshooting = telling_switches(effects)
+    strongest, overshooting = select_switches(effects)
     assert overshooting.endswith("knee, late stance to swing flexion")
     assert strongest != overshooting
     means = [effects[case].groupby("kind")["torque_change_Nm"].mean() for case in (SMOOTH, STEP)]
@@ -190,7 +190,7 @@ def test_telling_switch_is_the_one_in_which_a_blend_overshoots(walks: dict[Blend
 # ---------------------------------------------------------------------- picture, map, results
 
 
-def test_picture_has_a_panel_for_each_measure_and_each_telling_switch(
+def test_picture_has_a_panel_for_each_measure_and_each_selected_switch(
     walks: dict[Blend, Run], table: pd.DataFrame, tmp_path: Path
 ) -> None:
     figure = draw(table, walks, {case: switch_effects(run) for case, run in walks.items()})
@@ -206,7 +206,7 @@ def test_walk_too_short_for_a_stride_has_no_numbers() -> None:
     run = walk(SMOOTH, 0.002)
     assert np.isnan(measures(run)["hip_jerk_rms_rad_per_s3"])
     effects = switch_effects(run)
-    assert effects.empty and telling_switches({STEP: effects, SMOOTH: effects}) == []
+    assert effects.empty and select_switches({STEP: effects, SMOOTH: effects}) == []
     assert switch_rows(effects) == []
 
 
@@ -216,7 +216,7 @@ def test_bench_leg_is_compared_by_strides_in_the_air() -> None:
     assert found["knee_jerk_rms_rad_per_s3"] > 0.0
 
 
-def test_outcomes_are_counted_by_way_to_blend() -> None:
+def test_outcomes_are_counted_by_blending_law() -> None:
     points = [{"duration_s": 0.2, "patient.mass_kg": mass} for mass in (60.0, 90.0)]
     found = robustness((STEP, SMOOTH), points, workers=1)
     assert list(found["law"]) == ["none", "minimum jerk"] and list(found["ms"]) == [0, 25]
@@ -224,7 +224,7 @@ def test_outcomes_are_counted_by_way_to_blend() -> None:
 
 
 @pytest.mark.slow
-def test_kept_results_are_those_of_the_default_walk_as_it_is() -> None:
+def test_stored_results_match_the_default_walk() -> None:
     """The shipped blending, within what another machine's last bits may do."""
     kept = json.loads(RESULTS.read_text())
     shipped = load_experiment("treadmill").experiment.table.blending

@@ -31,25 +31,25 @@ def results_of(name: str) -> dict:
 
 
 def test_people_are_the_same_in_a_set_of_any_size_and_keep_to_their_range() -> None:
-    who, (low, high) = walkers(30, 4), SPEEDS
-    assert walkers(7, 4) == who[:7]
-    speeds = [item[BELT] for item in who]
+    people, (low, high) = walkers(30, 4), SPEEDS
+    assert walkers(7, 4) == people[:7]
+    speeds = [item[BELT] for item in people]
     assert low <= min(speeds) < low + 0.2 * (high - low)
     assert high - 0.2 * (high - low) < max(speeds) <= high
 
 
-def test_a_walker_walks_in_their_own_condition_and_place() -> None:
-    who = next(item for item in walkers(40, 11) if item.get("patient") == "stroke_left")
-    experiment = tuned_experiment(who)
+def test_a_walker_has_their_own_condition_and_settings() -> None:
+    walker = next(item for item in walkers(40, 11) if item.get("patient") == "stroke_left")
+    experiment = tuned_experiment(walker)
     person = experiment.patient
-    assert (person.mass, person.height) == (who["patient.mass_kg"], who["patient.height_m"])
+    assert (person.mass, person.height) == (walker["patient.mass_kg"], walker["patient.height_m"])
     assert any(item.effort > 0.0 for item in person.conditions.values())
-    assert experiment.scenario.belt_speed == who[BELT]
+    assert experiment.scenario.belt_speed == walker[BELT]
     assert (experiment.scenario.support.share, experiment.duration) == (SUPPORT, DURATION)
     assert experiment.integration is None
 
 
-def test_a_row_counts_who_walks_and_a_sentence_names_who_does_not() -> None:
+def test_a_row_counts_walking_people_and_a_sentence_names_the_others() -> None:
     errors = {f"{side}_rmse_{joint}_by_contact_deg": 4.0 for side in Side for joint in ("hip", "knee")}
     walks = pd.DataFrame(
         [{"episode": n, "outcome": "walked", "duration_s": 60.0, **errors} for n in range(10)]
@@ -63,8 +63,8 @@ def test_a_row_counts_who_walks_and_a_sentence_names_who_does_not() -> None:
     reach = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
     assert row["95 % interval"] == f"{centre - reach:.1%} to {centre + reach:.1%}"
     assert (row["hip [°]"], row["knee [°]"], row["others"]) == ("8.0", "4.0", "1 fell")
-    who = [{"patient.mass_kg": 80.0, "patient.height_m": 1.8}] * 10
-    (sentence,) = failures("treadmill", 11, walks, who)
+    people = [{"patient.mass_kg": 80.0, "patient.height_m": 1.8}] * 10
+    (sentence,) = failures("treadmill", 11, walks, people)
     assert sentence == "treadmill, seed 11, number 9: mass alone, 80 kg, 1.80 m fell after 12.0 s"
 
 
@@ -80,27 +80,27 @@ def test_powers_of_a_wearer_add_up_to_their_work() -> None:
     assert pair([0.5, None], ".1f", 100.0) == "50.0, –"
 
 
-def test_the_page_is_about_the_people_who_ship() -> None:
+def test_the_page_covers_the_shipped_people() -> None:
     text = (ROOT / "docs" / "background" / "people.md").read_text(encoding="utf-8")
     for name, description in list_patients().items():
         assert f"| `{name}` | {description} |" in text
     assert {row["who"] for row in results_of("shipped_people")["people"]} > set(list_patients())
 
 
-def test_a_row_of_the_robustness_map_is_what_its_walk_alone_does() -> None:
+def test_a_row_of_the_robustness_map_equals_its_single_walk() -> None:
     table = pd.read_csv(ROOT / "examples" / "results" / "robustness_map" / "robustness_map.csv")
     worst = table.sort_values(
         ["mass_kg", "height_m", "support_share", "speed_m_per_s"], ascending=[0, 1, 1, 0]
     )
     row = worst.iloc[0]
     base = load_experiment("treadmill", ["duration_s=20"]).experiment
-    place = {
+    changes = {
         "patient.mass_kg": row["mass_kg"],
         "patient.height_m": row["height_m"],
         BELT: row["speed_m_per_s"],
         SHARE: row["support_share"],
     }
-    run = simulate(override_experiment(base, place))
+    run = simulate(override_experiment(base, changes))
     assert run.verdict.outcome == row["outcome"]
     assert min(side["strides"] for side in summarise_run(run)["sides"].values()) == row["strides"]
     assert len(table) == 320
@@ -110,21 +110,21 @@ def test_a_row_of_the_robustness_map_is_what_its_walk_alone_does() -> None:
 
 
 @pytest.fixture(scope="module")
-def crowd() -> tuple[Patient, ...]:
+def population() -> tuple[Patient, ...]:
     return cohort(1500, 7)
 
 
-def test_people_of_a_seed_are_the_same_in_a_cohort_of_any_size(crowd):
-    assert cohort(5, 7) == crowd[:5]
-    assert cohort(5, 8) != crowd[:5]
+def test_people_of_a_seed_are_the_same_in_a_cohort_of_any_size(population):
+    assert cohort(5, 7) == population[:5]
+    assert cohort(5, 8) != population[:5]
 
 
 @pytest.mark.parametrize("sex", list(Sex))
-def test_cohort_fills_the_5th_to_the_95th_percentile_of_either_sex(crowd, sex):
+def test_cohort_fills_the_5th_to_the_95th_percentile_of_either_sex(population, sex):
     """Percentiles of a lognormal variable with the published mean and deviation, from scipy."""
     from scipy import stats
 
-    sizes, own = SIZES[sex], [item for item in crowd if item.sex is sex]
+    sizes, own = SIZES[sex], [item for item in population if item.sex is sex]
     assert abs(len(own) - 750) < 5.0 * math.sqrt(1500 * 0.25)
     for values, mean, deviation in (
         (np.array([item.height for item in own]), sizes.stature_mean, sizes.stature_deviation),
@@ -134,10 +134,10 @@ def test_cohort_fills_the_5th_to_the_95th_percentile_of_either_sex(crowd, sex):
         law = stats.lognorm(spread, scale=mean * math.exp(-(spread**2) / 2.0))
         assert law.mean() == pytest.approx(mean, rel=1e-12)
         assert law.std() == pytest.approx(deviation, rel=1e-12)
-        places = law.cdf(values)
-        assert places.min() >= 0.05 - 1e-9
-        assert places.max() <= 0.95 + 1e-9
-        assert np.histogram(places, bins=9, range=(0.05, 0.95))[0].min() > len(own) / 18  # no gap
+        quantiles = law.cdf(values)
+        assert quantiles.min() >= 0.05 - 1e-9
+        assert quantiles.max() <= 0.95 + 1e-9
+        assert np.histogram(quantiles, bins=9, range=(0.05, 0.95))[0].min() > len(own) / 18  # no gap
     assert max(item.mass for item in own) <= HEAVIEST_WEARER
 
 
@@ -154,7 +154,7 @@ def test_tall_people_are_heavier_as_published():
         assert abs(found - expected) < 4.0 / math.sqrt(len(own))
 
 
-def test_heavy_population_is_cut_at_what_the_device_carries():
+def test_heavy_population_is_limited_by_the_load_capacity_of_the_device():
     heavy = BodySizes(
         stature_mean=1.8, stature_deviation=0.07, mass_mean=105.0, mass_deviation=12.0, correlation=0.5
     )
@@ -162,7 +162,7 @@ def test_heavy_population_is_cut_at_what_the_device_carries():
     assert 107.0 < max(masses) <= HEAVIEST_WEARER
 
 
-def test_cohort_shares_what_its_pattern_does():
+def test_cohort_has_the_properties_of_its_pattern():
     stroke = load_experiment("treadmill", ["patient=stroke_left"]).experiment.patient
     drawn = cohort(3, 2, like=stroke)
     assert all(item.conditions == stroke.conditions for item in drawn)
@@ -175,17 +175,17 @@ def test_sizes_of_a_cohort_are_changes_of_an_experiment():
     assert [override_experiment(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
 
 
-def test_every_drawn_person_fits_the_device(crowd):
-    for item in (min(crowd, key=lambda p: p.height), max(crowd, key=lambda p: p.height)):
+def test_every_drawn_person_fits_the_device(population):
+    for item in (min(population, key=lambda p: p.height), max(population, key=lambda p: p.height)):
         load_experiment("treadmill", [f"{k}={v}" for k, v in sizes_of(item).items()]).experiment.build_world()
 
 
-def test_a_cohort_of_nobody_is_refused():
+def test_an_empty_cohort_is_refused():
     with raises(ParameterError, "count", "1"):
         cohort(0, 1)
 
 
-def test_population_that_nobody_can_be_drawn_from_is_refused():
+def test_population_without_admissible_people_is_refused():
     giants = BodySizes(
         stature_mean=1.8, stature_deviation=0.07, mass_mean=200.0, mass_deviation=12.0, correlation=0.5
     )

@@ -15,7 +15,7 @@ from twin_gait.simulation.simulation_setup import build_setup
 
 
 @pytest.mark.parametrize("guide", ["vertical", "harness"])
-def test_acceleration_in_the_air_is_pinocchios(guide):
+def test_acceleration_in_the_air_equals_pinocchio(guide):
     """By its articulated-body algorithm, with friction, stops, springs and motors handed to it as torques.
 
     The losses of the gears are those of the acceleration that is handed in.
@@ -32,25 +32,25 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
         q[world.model.pelvis_index] = 3.0
         v, motor, before = generator.standard_normal((3, len(q)))
         torque, rotors = 20.0 * motor, world.model.model.armature.copy()
-        for place, plant in enumerate(world.plant):
+        for index, plant in enumerate(world.plant):
             law, stop, spring = plant.friction, plant.stop, plant.spring
-            torque[place] += spring.force - spring.stiffness * q[place] - spring.damping * v[place]
+            torque[index] += spring.force - spring.stiffness * q[index] - spring.damping * v[index]
             if law.law:
-                torque[place] -= rotational_friction_torque(
-                    v[place],
+                torque[index] -= rotational_friction_torque(
+                    v[index],
                     law.breakaway_torque,
                     law.coulomb_friction,
                     law.stribeck_velocity,
                     law.viscous_friction_forward,
                 )
-                load = 20.0 * motor[place] - plant.armature * 9.0 * before[place]
+                load = 20.0 * motor[index] - plant.armature * 9.0 * before[index]
                 slow = 0.1 * law.stribeck_velocity
-                share = gear_loss_torque(v[place], load, law.gear_efficiency, slow) / load
-                torque[place] -= share * 20.0 * motor[place]
-                rotors[place] = (1.0 - share) * plant.armature
+                share = gear_loss_torque(v[index], load, law.gear_efficiency, slow) / load
+                torque[index] -= share * 20.0 * motor[index]
+                rotors[index] = (1.0 - share) * plant.armature
             if stop.stiffness:
-                torque[place] += mechanical_stop_torque(
-                    q[place], v[place], stop.lower, stop.upper, stop.stiffness, stop.dissipation
+                torque[index] += mechanical_stop_torque(
+                    q[index], v[index], stop.lower, stop.upper, stop.stiffness, stop.dissipation
                 )
         model.armature = rotors
         found = motion(q.tolist(), v.tolist(), (20.0 * motor).tolist(), (9.0 * before).tolist())
@@ -58,7 +58,7 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
         assert all(point.upward == 0.0 and point.height > 1.0 for point in found.points)
 
 
-def test_laws_that_are_handed_in_take_the_place_of_those_in_core():
+def test_laws_passed_as_arguments_replace_the_laws_of_core():
     problem = build_setup(load_experiment("treadmill").experiment)
     n = len(problem.world.start_q)
     laws = {"ground_contact_force": lambda ground, height, forward, upward: (1.0, ground.stiffness)}

@@ -46,7 +46,7 @@ def test_scripts_import_public_names_only(path):
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_begins_with_what_it_shows_and_has_cells(path):
+def test_a_script_begins_with_a_description_and_has_cells(path):
     text = path.read_text(encoding="utf-8")
     assert ast.get_docstring(ast.parse(text))
     assert path.stem == "gallery" or "\n# %%" in text

@@ -26,7 +26,7 @@ from twin_gait.worlds.bench_joint import BENCH_ACTUATORS
 
 
 @pytest.mark.slow
-def test_zero_phase_is_near_the_truth_and_another_seed_is_another_campaign():
+def test_zero_phase_is_near_the_truth_and_another_seed_gives_another_campaign():
     truth = np.array(list(true_parameters(JointName.KNEE).values()))
     first, second = (estimates(QUICK_CYCLES, (JointName.KNEE, seed)) for seed in (0, 1))
     for found in (first, second):
@@ -38,15 +38,15 @@ def test_zero_phase_is_near_the_truth_and_another_seed_is_another_campaign():
 
 
 @pytest.mark.slow
-def test_no_minimum_is_missed_that_a_descent_from_the_truth_finds():
+def test_fit_finds_every_minimum_that_a_descent_from_the_truth_finds():
     # Starts are compared on a fifth of the samples; every fifth leads to another minimum here.
     logs = logs_of(Campaign(joint=JointName.KNEE, protocol=Protocol.TWO_WAY, seed=4, cycles=CYCLES))
-    bench, how = (
+    bench, processing = (
         BenchSetup(actuator=BENCH_ACTUATORS[JointName.KNEE]),
         Processing.THESIS,
     )
-    options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
-    found = identify_tests([process_log(log, bench, how) for log in logs], options)
+    options = IdentificationOptions(bench=bench, processing=processing, models=(LAW,), cross_validation=False)
+    found = identify_tests([process_log(log, bench, processing) for log in logs], options)
     fit, samples = found.models[0].fit, rows_of(found.models[0].fit.model, found.samples)
     breakaway, coulomb, viscous, velocity = true_parameters(JointName.KNEE).values()
     truth = np.array([breakaway - coulomb, coulomb, viscous, np.log(velocity)])
@@ -57,7 +57,7 @@ def test_no_minimum_is_missed_that_a_descent_from_the_truth_finds():
     )  # Huber's loss does not minimise them; the other minimum has 5 % more
 
 
-def test_coverage_counts_intervals_that_hold_the_truth():
+def test_coverage_counts_intervals_that_contain_the_truth():
     truth = np.array(list(true_parameters(JointName.KNEE).values()))
     assert (truth > 0.0).all()
     shifts = (-0.2, -0.1, 0.0, 0.3)

@@ -36,7 +36,7 @@ def result(radii: tuple[float, float], unstable: tuple[bool, bool], case: Case =
     ("radius", "unstable", "misses"),
     [(1.1, True, 0), (1.1, False, 1), (0.9, False, 0), (0.9, True, 1), (1.004, False, 0), (0.996, True, 0)],
 )
-def test_a_miss_is_a_clear_prediction_that_the_linear_run_contradicts(radius, unstable, misses):
+def test_a_wrong_prediction_is_a_clear_one_that_the_linear_run_contradicts(radius, unstable, misses):
     assert result((radius, 0.9), (unstable, False)).misses() == misses
 
 
@@ -76,7 +76,7 @@ def test_a_cross_check_has_all_three():
     assert max(found.radii) < 1.0 and not any(found.unstable) and found.ending is Ending.REST
 
 
-def test_the_kept_table_is_that_of_the_grid_and_of_this_matrix():
+def test_the_stored_table_matches_the_grid_and_the_transition_matrix():
     table = pd.read_csv(RESULTS / "loop_stability.csv")
     cases = grid()
     assert len(table) == len(cases)

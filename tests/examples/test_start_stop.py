@@ -1,4 +1,4 @@
-"""Walks from stand to stand: which are tried, and how an ending is told."""
+"""Tests of the walks from standing to standing: trials, and classification of their endings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from twin_gait import load_experiment, simulate
 NAMED = Row("what", "1 and 2 s", (("a=1",), ("a=2",)), 3)
 
 
-def told(row: Row, endings: list[str]) -> str:
+def result_of(row: Row, endings: list[str]) -> str:
     return line_of(row, endings)["stops that end standing"]
 
 
@@ -35,23 +35,23 @@ def test_moments_are_spread_evenly_over_a_stride() -> None:
     assert third.stop + (second.stop - first.stop) - first.stop == pytest.approx(STRIDE)
 
 
-@pytest.mark.parametrize("row", ROWS, ids=[f"{row.what} {row.values}" for row in ROWS])
-def test_every_line_sets_what_there_is(row: Row) -> None:
+@pytest.mark.parametrize("row", ROWS, ids=[f"{row.subject} {row.values}" for row in ROWS])
+def test_every_row_sets_existing_keys(row: Row) -> None:
     plain = load_experiment(PRESET).experiment
     for settings in row.settings:
         assert (load_experiment(PRESET, settings).experiment != plain) == bool(settings)
 
 
-def test_a_line_says_how_many_stand_and_what_became_of_the_others() -> None:
+def test_a_row_states_how_many_stops_end_standing_and_the_other_endings() -> None:
     assert line_of(NAMED, [STANDS] * 6) == {
         "what": "what",
         "range": "1 and 2 s",
         "stops that end standing": "3 of 3 each",
     }
-    assert told(NAMED, [STANDS] * 5 + [FALLS]) == f"5 of 6, 1 {FALLS}"
+    assert result_of(NAMED, [STANDS] * 5 + [FALLS]) == f"5 of 6, 1 {FALLS}"
     found = [FALLS, STANDS, STANDS, OTHERWISE, STANDS, STANDS]
-    assert told(NAMED, found) == f"2 of 3 each, 1 {FALLS}, 1 {OTHERWISE}"
-    assert told(NAMED._replace(settings=((),)), [STANDS] * 3) == "3 of 3"
+    assert result_of(NAMED, found) == f"2 of 3 each, 1 {FALLS}, 1 {OTHERWISE}"
+    assert result_of(NAMED._replace(settings=((),)), [STANDS] * 3) == "3 of 3"
 
 
 @pytest.mark.parametrize(
@@ -62,6 +62,6 @@ def test_a_line_says_how_many_stand_and_what_became_of_the_others() -> None:
         (("table.phases.stand.knee.equilibrium_deg=60",), None),
     ],
 )
-def test_an_ending_is_told_from_the_run(settings: tuple[str, ...], word: str | None) -> None:
+def test_an_ending_is_derived_from_the_run(settings: tuple[str, ...], word: str | None) -> None:
     found = ending_of(simulate(walk_of(Trial(settings, 9.0))))
     assert found == word if word else found != STANDS

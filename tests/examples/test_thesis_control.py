@@ -38,7 +38,7 @@ from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.worlds.bench_joint import BenchJoint
 
 KNEE_INERTIA = (3.06e-4 + 0.282e-4) * 1e4 + 0.02  # rotor and wave generator behind 1:100, and the link
-PER_AMPERE = 7.05  # [N m] / [A] at the knee
+PER_AMPERE = 7.05  # [N·m/A] at the knee
 DELAY = closed_delay(window=10, decimation=10)
 
 
@@ -84,7 +84,7 @@ def test_cross_correlation_finds_a_delay_between_the_samples() -> None:
     )
 
 
-def test_filters_of_firmware_and_log_are_as_late_as_their_phase_response_says() -> None:
+def test_filters_of_firmware_and_log_have_the_delay_of_their_phase_response() -> None:
     hand = bench.moved_by_hand(bench.torque_control(0.0), reach=bench.SHORT_REACH, fastest=0.6)
     run = simulate_bench(rigidly(bench.with_ideal_current(hand)))
     rows = bench.last_period(run)
@@ -104,7 +104,7 @@ def test_filters_of_firmware_and_log_are_as_late_as_their_phase_response_says() 
 
 
 @pytest.mark.parametrize("ratio", [0.6, 1.0])
-def test_target_current_comes_out_of_the_log_where_the_sampling_is_known_whatever_the_friction(
+def test_target_current_is_recovered_from_the_log_for_any_friction(
     ratio: float,
 ) -> None:
     test = bench.moved_by_hand(bench.torque_control(0.35), reach=bench.SHORT_REACH, ratio=ratio)
@@ -121,7 +121,7 @@ def test_target_current_comes_out_of_the_log_where_the_sampling_is_known_whateve
     assert error > 1e-3
 
 
-def test_measured_current_misses_its_target_by_noise_and_by_the_lag_behind_the_back_emf() -> None:
+def test_measured_current_differs_from_its_target_by_noise_and_back_emf_lag() -> None:
     quick = current_errors(Hand(bench.SHORT_REACH, 0.6), seed=1)
     assert quick.measured == pytest.approx(expected_rmse(quick.run), rel=0.1)
 
@@ -153,7 +153,7 @@ def led(gain: float, *, ratio: float = 0.6, fastest: float = 0.3) -> BenchRun:
 
 
 @pytest.mark.parametrize("fastest", [0.3, 0.6])
-def test_slope_on_the_bench_is_the_closed_form_for_a_rigid_hand(fastest: float) -> None:
+def test_slope_on_the_bench_equals_the_closed_form_for_a_rigid_hand(fastest: float) -> None:
     run = led(0.35, fastest=fastest)
     slope = bench.slope_per_deg(run)
     assert slope == pytest.approx(closed_slope(0.35, bench.REACH, fastest, DELAY), abs=3e-5)
@@ -171,7 +171,7 @@ def test_closed_slope_is_the_first_harmonic_of_the_late_compensation() -> None:
     assert closed_slope(0.35, reach, fastest, 0.0) == pytest.approx(0.05, abs=1e-12)
 
 
-def test_band_of_the_slope_would_catch_the_printed_delay() -> None:
+def test_band_of_the_slope_excludes_the_printed_delay() -> None:
     late = closed_slope(0.35, bench.REACH, bench.HAND_VELOCITIES[0], PRINTED_DELAY)
     assert late < (1.0 - SLOPE_SHARE) * 0.05
 
@@ -198,7 +198,7 @@ def test_loop_of_a_viscous_compensation_is_an_ellipse() -> None:
 
 @pytest.mark.parametrize("ratio", [0.5, 0.6])
 @pytest.mark.parametrize("gain", [0.35, 0.45, 0.7])
-def test_motor_gives_g_of_the_friction_and_the_hand_what_is_left(gain: float, ratio: float) -> None:
+def test_motor_supplies_g_of_the_friction_and_the_hand_the_rest(gain: float, ratio: float) -> None:
     run = led(gain, ratio=ratio)
     # All of the model's friction over a cosine path: one integral, whatever G and s are.
     fastest, reach = 0.3, bench.REACH
@@ -211,7 +211,7 @@ def test_motor_gives_g_of_the_friction_and_the_hand_what_is_left(gain: float, ra
     assert hand == pytest.approx((ratio - gain) * whole, abs=3e-3 * whole)
 
 
-def test_knee_that_is_let_go_swings_farther_with_more_compensation() -> None:
+def test_released_knee_swings_farther_with_more_compensation() -> None:
     swings = [
         overshoot(
             simulate_bench(
@@ -259,7 +259,7 @@ def test_joint_is_stable_below_s_and_unstable_above_with_and_without_a_spring(ra
         assert (linear_radius(gain, ratio, STIFFNESS) > 1.0) is unstable
 
 
-def test_linear_limit_is_that_of_the_continuous_loop() -> None:
+def test_linear_limit_equals_the_limit_of_the_continuous_loop() -> None:
     # M p² + (s - G F(jω)) f p + k = 0 on the edge p = jω: two real equations, F a delay and a mean of 100 ms.
     slope = 10 * 3.193 / 0.2031 + math.sqrt(2 * math.e) * (1.743 - 3.193) / 0.2031 + 2.06
     limit = bisect(lambda gain: linear_radius(gain, 0.6, STIFFNESS) > 1.0 + 1e-7, 0.5, 0.7, steps=20)
@@ -284,7 +284,7 @@ def test_full_compensation_drives_the_joint_from_stop_to_stop() -> None:
 # ---------------------------------------------------------------------- the leg
 
 
-def test_compensation_gives_the_leg_g_over_s_of_what_friction_takes() -> None:
+def test_compensation_returns_g_over_s_of_the_friction_energy() -> None:
     gains = Pair(0.3, 0.4)
     log = simulate(hanging_experiment(gains, duration=10.0)).log
     for joint, gain in zip(("hip", "knee"), gains, strict=True):
@@ -295,7 +295,7 @@ def test_compensation_gives_the_leg_g_over_s_of_what_friction_takes() -> None:
         assert 0.9 * gain / bench.RATIO < given / taken <= gain / bench.RATIO
 
 
-def test_leg_comes_to_rest_below_s_and_goes_on_swinging_above() -> None:
+def test_leg_comes_to_rest_below_s_and_keeps_swinging_above() -> None:
     assert not leg_keeps_swinging(simulate(hanging_experiment(Pair(0.5, 0.5))))
     assert leg_keeps_swinging(simulate(hanging_experiment(Pair(0.7, 0.0))))
     assert leg_keeps_swinging(simulate(hanging_experiment(Pair(0.0, 0.7))))
@@ -306,7 +306,7 @@ def test_coupled_eigenvalues_reach_one_at_s_whichever_gain_is_raised() -> None:
         assert linear_limit(way) == pytest.approx(bench.RATIO, rel=0.01)
 
 
-def test_weight_of_the_hanging_leg_is_that_of_a_pendulum_and_loads_the_hip_more() -> None:
+def test_weight_torque_of_the_hanging_leg_equals_a_pendulum_and_loads_the_hip_more() -> None:
     for joint in (JointName.HIP, JointName.KNEE):
         ratio = weight_torque(joint, math.radians(20.0)) / weight_torque(joint, math.radians(5.0))
         # Not quite a sine: the centre of mass lies beside the line through the axis.
@@ -317,5 +317,5 @@ def test_weight_of_the_hanging_leg_is_that_of_a_pendulum_and_loads_the_hip_more(
 # ---------------------------------------------------------------------- models
 
 
-def test_motor_shows_the_steepness_of_the_old_model_but_for_the_lag_of_the_fast_filter() -> None:
+def test_motor_has_the_steepness_of_the_old_model_except_for_the_lag_of_the_fast_filter() -> None:
     assert seen_steepness(old_model_test(*SLOW, seed=1)) == pytest.approx(40.0, rel=0.05)

@@ -59,7 +59,7 @@ def made_fall(speed: np.ndarray) -> Fall:
 
 
 @pytest.mark.parametrize("joint", [KNEE, HIP])
-def test_the_law_of_the_figures_is_that_of_the_printed_table(joint: JointName) -> None:
+def test_the_law_of_the_figures_equals_the_printed_table(joint: JointName) -> None:
     speed = np.linspace(-1.0, 3.0, 41)
     assert_allclose(law_torque(table_values(joint), speed), rotational(speed, *TABLE[joint]), atol=1e-12)
 
@@ -71,7 +71,7 @@ def test_the_dip_is_where_a_fine_grid_has_its_least_friction(joint: JointName) -
     assert dip_velocity(table_values(joint)) == pytest.approx(least, abs=1e-5)
 
 
-def test_printed_statistics_give_back_the_number_of_samples_that_made_them() -> None:
+def test_printed_statistics_imply_the_number_of_samples() -> None:
     for samples, r_squared in ((914, 0.39), (968, -0.45), (40, 0.9)):
         adjusted = 1.0 - (1.0 - r_squared) * (samples - 1) / (samples - 4)
         assert implied_samples(r_squared, adjusted) == pytest.approx(samples, rel=1e-9)
@@ -105,12 +105,12 @@ def test_lag_turns_inertia_into_negative_viscosity_as_a_processed_sine_shows() -
     assert slope < 0.5 * viscous
 
 
-def test_without_inertia_or_motion_nothing_lags() -> None:
+def test_without_inertia_or_motion_there_is_no_lag() -> None:
     assert lagged_viscous(2.06, 3.5, 1e-6) == pytest.approx(2.06, rel=1e-9)
     assert lagged_viscous(2.06, 0.0, math.pi) == pytest.approx(2.06, rel=0.01)
 
 
-def test_delay_by_the_way_is_that_of_a_shifted_signal_however_it_was_shaken() -> None:
+def test_estimated_delay_equals_the_shift_of_the_signal_for_any_motion() -> None:
     time = 0.01 * np.arange(400)
 
     def speed(now: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ def test_delay_by_the_way_is_that_of_a_shifted_signal_however_it_was_shaken() ->
         assert delay_of(speed(time), speed(time - shift)) == pytest.approx(shift, abs=5e-4)
 
 
-def test_the_wait_for_a_moment_of_the_sine_spreads_as_drawn_waits_do() -> None:
+def test_spread_of_the_wait_for_an_instant_of_the_sine_equals_drawn_waits() -> None:
     moment = (np.arange(200_000) + 0.5) / 200_000
     for share in (0.0, 0.3, 0.5, 0.9):
         waits = np.where(moment < share, 0.0, 1.0 - moment) / 3.0
@@ -137,7 +137,7 @@ def test_a_speed_that_only_grows_has_roughness_one_and_a_full_stall_adds_two() -
 
 def test_filtered_speed_is_the_mean_of_every_tenth_sample() -> None:
     speed = np.random.default_rng(0).normal(size=500)
-    by_hand = [np.mean(speed[0 : 10 * place + 1 : 10][-10:]) for place in range(50)]
+    by_hand = [np.mean(speed[0 : 10 * index + 1 : 10][-10:]) for index in range(50)]
     assert_allclose(made_fall(speed).speed, by_hand, atol=1e-12)
 
 
@@ -161,7 +161,7 @@ def test_at_the_neutral_gain_duty_and_viscous_friction_cancel_at_every_speed(joi
         assert torque == pytest.approx(TABLE[joint][3] * speed, rel=1e-9)
 
 
-def test_chance_shrinks_with_the_tests_that_reach_a_speed() -> None:
+def test_standard_error_shrinks_with_the_number_of_tests_at_a_speed() -> None:
     # Nine tests a weight, peaks from 0.15 to 2.5 rad/s: 45 reach 0.1 rad/s, 5 reach 2.4.
     slow, fast = chance_of_torque(KNEE, 4.0, 0.1), chance_of_torque(KNEE, 4.0, 2.4)
     one = 3.0 * math.hypot(0.02 * 4.0, 0.005 * 7.05)
@@ -184,7 +184,7 @@ def test_falls_come_in_the_order_of_the_protocol_up_to_the_stop() -> None:
 
 
 @pytest.mark.slow
-def test_statistics_of_the_falls_are_those_of_their_residuals() -> None:
+def test_statistics_of_the_falls_follow_from_their_residuals() -> None:
     fit = fit_campaign(KNEE, FALLS, LATE, forward=True)
     assert fit.velocity.min() > 0.0
     parameters = [fit.values[letter] for letter in "abcd"]
@@ -194,9 +194,9 @@ def test_statistics_of_the_falls_are_those_of_their_residuals() -> None:
     assert fit.goodness.r_squared == pytest.approx(explained, rel=1e-9)
     # Least squares: no constant is better, and no nearby law is.
     assert fit.goodness.sse < ((fit.torque - fit.torque.mean()) ** 2).sum()
-    for place in range(4):
+    for index in range(4):
         for factor in (0.97, 1.03):
-            moved = [value * (factor if place == other else 1.0) for other, value in enumerate(parameters)]
+            moved = [value * (factor if index == other else 1.0) for other, value in enumerate(parameters)]
             assert ((fit.torque - rotational(fit.velocity, *moved)) ** 2).sum() > fit.goodness.sse
 
 
@@ -210,7 +210,7 @@ def test_thesis_processing_scatters_the_falls_and_a_filter_without_delay_does_no
 
 
 @pytest.mark.slow
-def test_falls_are_no_sine_and_the_closed_form_of_motor_driven_tests_refuses_them() -> None:
+def test_falls_are_refused_by_the_closed_form_of_motor_driven_tests() -> None:
     late, prompt = (fit_campaign(KNEE, FALLS, processing, forward=True) for processing in (LATE, PROMPT))
     verdicts = {}
     for protocol in (DRIVEN, FALLS):

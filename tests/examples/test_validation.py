@@ -19,7 +19,7 @@ def experiment():
     return load_experiment("bench_leg").experiment
 
 
-def test_the_double_pendulum_keeps_its_energy_by_itself(experiment):
+def test_the_free_double_pendulum_conserves_its_energy(experiment):
     """With the numbers of the URDF, energy stays as it moves."""
     pendulum = closed_forms.pendulum_of(experiment)
 
@@ -40,7 +40,7 @@ def test_the_double_pendulum_keeps_its_energy_by_itself(experiment):
 
 
 @pytest.mark.slow
-def test_another_gravity_on_paper_is_noticed(monkeypatch):
+def test_another_gravity_in_the_closed_form_is_detected(monkeypatch):
     original = checks.pendulum_of
     assert checks.pendulum_error() <= ROUNDING
     monkeypatch.setattr(checks, "pendulum_of", lambda item: original(item)._replace(gravity=9.80665))
@@ -49,7 +49,7 @@ def test_another_gravity_on_paper_is_noticed(monkeypatch):
 
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
-def test_another_thigh_in_mujoco_is_noticed(preset, monkeypatch):
+def test_another_thigh_in_mujoco_is_detected(preset, monkeypatch):
     mujoco_legs = pytest.importorskip("crosscheck.mujoco_legs")
     original = mujoco_legs.legs_of
 
@@ -73,7 +73,7 @@ def test_another_thigh_in_mujoco_is_noticed(preset, monkeypatch):
         ["plant.actuators.hip.gear_efficiency=0.9999"],
     ],
 )
-def test_another_plant_is_noticed_by_the_replay_in_mujoco(settings, experiment):
+def test_another_plant_is_detected_by_the_replay_in_mujoco(settings, experiment):
     pytest.importorskip("mujoco")
     stepping = "integration={method: semi_implicit_euler, step_ms: 1}"
     run = simulate(load_experiment("bench_leg", ["duration_s=2", stepping]).experiment)
@@ -83,7 +83,7 @@ def test_another_plant_is_noticed_by_the_replay_in_mujoco(settings, experiment):
 
 
 @pytest.mark.slow
-def test_other_engines_and_other_switches_are_noticed(monkeypatch):
+def test_other_engines_and_other_switches_are_detected(monkeypatch):
     def shorter(experiment):
         run = simulate(experiment)
         return replace(run, switches=run.switches[:-1]) if experiment.engine == "compiled" else run
@@ -99,7 +99,7 @@ def test_other_engines_and_other_switches_are_noticed(monkeypatch):
     assert checks.engine_difference("bench_leg", 2.0) == math.inf
 
 
-def test_energy_that_is_left_out_is_noticed(experiment):
+def test_omitted_energy_is_detected(experiment):
     run = simulate(replace(experiment, duration=2.0))
     residual = checks.energy_residual(run)
     assert residual < 1e-3

@@ -72,7 +72,7 @@ def table_friction(w: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("decimation,window", FILTERS)
-def test_mean_delay_is_what_the_slow_velocity_lags_behind_a_steady_acceleration(
+def test_mean_delay_is_the_lag_of_the_slow_velocity_at_constant_acceleration(
     decimation: int, window: int
 ) -> None:
     bench = knee(
@@ -91,7 +91,7 @@ def test_mean_delay_is_what_the_slow_velocity_lags_behind_a_steady_acceleration(
 
 
 @pytest.mark.parametrize("temperature,load", [(10.0, 0.0), (40.0, 0.0), (25.0, 3.0), (5.0, 2.0)])
-def test_law_in_a_condition_is_the_friction_that_the_bench_feels(temperature: float, load: float) -> None:
+def test_law_in_a_condition_is_the_friction_of_the_bench(temperature: float, load: float) -> None:
     friction = BenchFriction(
         law=MODEL,
         coulomb_per_load=0.1,
@@ -114,7 +114,7 @@ def test_law_in_a_condition_is_the_friction_that_the_bench_feels(temperature: fl
     assert_allclose(-run.column("friction_torque_Nm"), expected, atol=0.2 * np.ptp(loads) + 1e-9)
 
 
-def test_push_lets_go_at_the_speed_that_was_asked_for() -> None:
+def test_push_releases_at_the_requested_speed() -> None:
     test = replace(bench_of(Setting(spring=0.0)), imposed_motion=push(PUSH), duration=2.0)
     run = simulate_bench(test)
     hand = run.column("imposed_motion_torque_Nm")
@@ -174,13 +174,13 @@ def test_dead_zone_keeps_rest_and_not_motion() -> None:
     assert measured["ending"] != Ending.REST
 
 
-def test_gain_is_nothing_to_a_standing_reference() -> None:
+def test_gain_has_no_effect_at_a_constant_reference() -> None:
     rows = [map_row(Setting(compensation=Compensation.REFERENCE, gain=gain)) for gain in (0.1, 1.3)]
     assert rows[0]["amplitude_deg"] == rows[1]["amplitude_deg"]
     assert rows[0]["growth_rate_at_rest_per_s"] == rows[1]["growth_rate_at_rest_per_s"] < 0.0
 
 
-def test_growth_of_the_transition_matrix_is_that_of_the_simulated_joint() -> None:
+def test_growth_of_the_transition_matrix_equals_the_simulated_joint() -> None:
     """Slow growth about rest: the joint creeps away exponentially before friction saturates."""
     setting = Setting(gain=0.58, spring=143.0, filter=FILTERS[0])
     law = replace(NO_FRICTION, viscous_friction=1.0)
@@ -210,7 +210,7 @@ def test_no_gain_of_the_map_is_one_of_its_ratios_and_quick_is_a_part_of_it() -> 
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.5, 1.0])
-def test_work_of_the_hand_is_that_of_what_friction_is_left(gain: float) -> None:
+def test_work_of_the_hand_equals_the_residual_friction_work(gain: float) -> None:
     setting = Setting(gain=gain, spring=0.0, filter=FILTERS[0])
     time = np.linspace(0.0, 1.0 / HAND_FREQUENCY, 20001)
     # The grip is a spring and damper: the joint swings a little further than the hand.
@@ -252,13 +252,13 @@ def test_age_scales_the_law_at_every_temperature() -> None:
         assert_allclose(torque_ratio(old, new, velocity), 1.3, rtol=1e-12)
 
 
-def test_compensator_that_knows_its_joint_is_best_at_one() -> None:
+def test_compensator_with_the_exact_model_is_best_at_gain_one() -> None:
     law = identified_law(REFERENCE_TEMPERATURE)
     assert_allclose(closed_best_gain(law, law), 1.0)
     assert_allclose(closed_best_gain(law.scaled(0.8), law), 0.8)
 
 
-def test_best_and_largest_gain_of_a_run_in_joint_are_near_the_closed_forms() -> None:
+def test_best_and_largest_gain_after_running_in_are_near_the_closed_forms() -> None:
     row = best_row(Case(Condition("age", ageing=0.8)))
     assert row["closed_best_gain"] == 0.8 and row["least_torque_ratio"] == 0.8
     assert_allclose(row["best_gain"], 0.8, atol=0.02)
@@ -266,5 +266,5 @@ def test_best_and_largest_gain_of_a_run_in_joint_are_near_the_closed_forms() -> 
 
 
 def test_lowest_place_of_a_parabola() -> None:
-    places = (0.0, 0.3, 0.6, 0.9)
-    assert_allclose(lowest_of_parabola(places, 2.0 * (np.array(places) - 0.73) ** 2 + 1.0), 0.73)
+    points = (0.0, 0.3, 0.6, 0.9)
+    assert_allclose(lowest_of_parabola(points, 2.0 * (np.array(points) - 0.73) ** 2 + 1.0), 0.73)

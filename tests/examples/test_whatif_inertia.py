@@ -1,4 +1,4 @@
-"""Inertia compensation: the matrix of a tick against closed forms, and the simulated bench against it."""
+"""Tests of inertia compensation: transition matrix against closed forms, simulated bench against it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FREE = InertiaLoop(
 
 
 @pytest.mark.parametrize("delay", [0, 1, 5, 20])
-def test_torque_of_a_free_joint_with_an_accelerometer_dies_as_a_power_of_the_share(delay: int) -> None:
+def test_torque_of_a_free_joint_with_an_accelerometer_decays_as_a_power_of_the_share(delay: int) -> None:
     """τ(n) = α τ(n − 1 − d): eigenvalues of magnitude α^(1/(d + 1)), stable up to α = 1 for any delay."""
     values = np.abs(np.linalg.eigvals(TickMatrix(replace(FREE, delay=delay)).matrix))
     assert np.isclose(values, 0.8 ** (1.0 / (delay + 1)), atol=1e-6).sum() == delay + 1
@@ -60,7 +60,7 @@ def test_free_rigid_joint_is_stable_up_to_its_whole_inertia_behind_any_filter(
 
 
 @pytest.mark.parametrize("delay", [20, 60])
-def test_share_of_a_held_joint_is_that_of_the_delay_margin(delay: int) -> None:
+def test_largest_share_of_a_held_joint_follows_from_the_delay_margin(delay: int) -> None:
     """Edge of stability in continuous time, from the torque balance.
 
     The sample holds the hand's torque of the instant and the motor's of the tick before, and the answer is
@@ -91,7 +91,7 @@ def test_share_of_a_held_joint_is_that_of_the_delay_margin(delay: int) -> None:
     "source,time_constant,delay",
     [(Source.ENCODER, 0.005, 0), (Source.GYROSCOPE, 0.001, 3), (Source.ACCELEROMETER, 0.002, 2)],
 )
-def test_simulated_linear_joint_moves_as_the_matrix_of_a_tick_says(
+def test_simulated_linear_joint_moves_as_the_transition_matrix_predicts(
     source: Source, time_constant: float, delay: int, compliant: bool
 ) -> None:
     setting = Setting(source, time_constant, delay, share=0.7, compliant=compliant, noise=0.0)
@@ -113,13 +113,13 @@ def test_simulated_linear_joint_moves_as_the_matrix_of_a_tick_says(
         angles.append(state[0])
         state = found.matrix @ state
     if source is Source.ENCODER:
-        # In its first tick the firmware knows no difference yet.
+        # In its first tick the firmware has no difference yet.
         assert run.column("inertia_compensation_torque_Nm")[0] == 0.0
     seen = run.column("motor_angle_rad") - math.pi / 2
     assert_allclose(seen, angles, atol=1e-6 * np.abs(seen).max())
 
 
-def test_noise_of_the_linear_loop_is_that_of_many_draws() -> None:
+def test_noise_of_the_linear_loop_equals_a_monte_carlo_estimate() -> None:
     loop = loop_of(Setting(Source.GYROSCOPE, 0.005, 2, share=0.6))
     found, rng = TickMatrix(loop), np.random.default_rng(4)
     state = np.zeros((len(found.matrix), 400))
@@ -131,7 +131,7 @@ def test_noise_of_the_linear_loop_is_that_of_many_draws() -> None:
 
 
 @pytest.mark.parametrize("source", list(Source))
-def test_simulated_noise_and_apparent_inertia_are_those_of_the_linear_loop(source: Source) -> None:
+def test_simulated_noise_and_apparent_inertia_equal_the_linear_loop(source: Source) -> None:
     delay = 0 if source is Source.ENCODER else 2
     row = noise_row(Setting(source, 0.005, delay, share=0.5))
     assert_allclose(row["torque_noise_Nm"], row["linear_torque_noise_Nm"], rtol=0.06)
@@ -143,19 +143,19 @@ def test_ten_times_coarser_encoder_makes_ten_times_the_noise() -> None:
     assert_allclose(coarse / fine, 10.0, rtol=1e-2)
 
 
-def test_slow_motion_has_the_apparent_inertia_that_is_left() -> None:
+def test_slow_motion_has_the_residual_apparent_inertia() -> None:
     for source in Source:
         loop = replace(FREE, source=source, share=0.4, time_constant=0.005, delay=2)
         assert_allclose(apparent_inertia(loop, 0.01), 0.6, atol=1e-4)
 
 
 @pytest.mark.parametrize("share,unstable", [(0.9, False), (1.1, True)])
-def test_linear_run_is_unstable_where_the_eigenvalues_say(share: float, unstable: bool) -> None:
+def test_linear_run_is_unstable_where_the_eigenvalues_predict_it(share: float, unstable: bool) -> None:
     setting = Setting(Source.GYROSCOPE, 0.001, 5, share=share)
     assert (growth_rate(loop_of(setting)) > 0.0) == linear_run_is_unstable(setting) == unstable
 
 
-def test_late_unit_on_the_link_of_a_compliant_gear_loses_what_the_encoder_keeps() -> None:
+def test_delayed_unit_on_the_link_of_a_compliant_gear_allows_less_than_the_encoder() -> None:
     unit, rigid = (
         Setting(Source.GYROSCOPE, 0.001, 10, compliant=compliant, held=False) for compliant in (True, False)
     )

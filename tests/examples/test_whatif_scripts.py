@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from whatif.endings import Ending
-from whatif.figures import COLOURS, place_of
+from whatif.figures import COLOURS, position_of
 from whatif.friction import map_row
 from whatif_friction_map import map_settings, of_the_map
 from whatif_inertia import of_stability
@@ -27,7 +27,7 @@ def test_counts_of_the_map_follow_the_table() -> None:
     assert changed["reference_at_rest"] == found["reference_at_rest"]
 
 
-def test_misses_of_the_eigenvalues_are_counted_where_they_are_decided() -> None:
+def test_wrong_predictions_of_the_eigenvalues_are_counted() -> None:
     rows = [(0.5, True), (0.5, False), (-0.5, False), (0.05, False)]
     table = pd.DataFrame(rows, columns=["growth_rate_per_s", "linear_run_is_unstable"])
     table = table.assign(ending="rest", amplitude_deg=0.0, torque_amplitude_Nm=0.0)
@@ -51,6 +51,6 @@ def test_every_ending_has_a_colour() -> None:
     assert set(COLOURS) == set(Ending)
 
 
-def test_lines_lie_where_the_cells_are() -> None:
-    places = place_of([0.1, 0.2, 0.4], np.array([0.05, 0.1, 0.3, 0.4, 0.5]))
-    assert places == pytest.approx([-0.5, 0.0, 1.5, 2.0, 2.5])
+def test_lines_are_at_the_positions_of_the_cells() -> None:
+    positions = position_of([0.1, 0.2, 0.4], np.array([0.05, 0.1, 0.3, 0.4, 0.5]))
+    assert positions == pytest.approx([-0.5, 0.0, 1.5, 2.0, 2.5])

@@ -1,4 +1,4 @@
-"""A run handed to OpenSim: what its files say, taken by two other programs, is what the log says."""
+"""Tests of the export to OpenSim: two other programs compute the torques of the log from its files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
-from errors import raises
+from errors import raises, states
 from scipy.spatial.transform import Rotation
 
 from twin_gait import load_experiment, simulate
@@ -30,12 +30,12 @@ from twin_gait.vocabulary import JointName, Side
 SECONDS = 4.0
 # The splines and differences of the reference implementations know nothing of what was before the first row.
 INSIDE = slice(20, -20)
-MOMENT_TOLERANCE = 0.5  # [N m], root mean square; issue
+MOMENT_TOLERANCE = 0.5  # [N·m], root mean square; issue
 FORCE_TOLERANCE = 1.0  # [N], root mean square, of some 1000 N of weight
 
 
 class Folder:
-    """Exported files, read with nothing of the code that wrote them."""
+    """Exported files, read without the code that wrote them."""
 
     def __init__(self, folder, run):
         self.path, self.run = folder, run
@@ -47,7 +47,7 @@ class Folder:
         return pd.DataFrame({column: stored.numbers(column) for column in stored.names})
 
     def states(self):
-        """Coordinates, velocities and accelerations of the model that was read, by differences."""
+        """Return coordinates, velocities and accelerations of the model from the files, by differences."""
         q = np.zeros((len(self.motion), self.model.nq))
         for index in range(1, self.model.njoints):
             name = self.model.names[index]
@@ -78,7 +78,7 @@ def placement(frame):
 
 
 def read_model(path):
-    """The bodies and joints of an .osim file as a Pinocchio model, joints by the names of coordinates."""
+    """Return bodies and joints of an .osim file as a Pinocchio model, joints named after coordinates."""
     root = ElementTree.parse(path).getroot()
     model, carriers = pin.Model(), {"/ground": (0, pin.SE3.Identity())}
     model.gravity.linear = np.array([float(x) for x in root.find("Model/gravity").text.split()])
@@ -87,7 +87,7 @@ def read_model(path):
         frames = {item.get("name"): item for item in joint.iter("PhysicalOffsetFrame")}
         parent, child = (frames[joint.find(f"socket_{kind}_frame").text] for kind in ("parent", "child"))
         index, carrier = carriers[parent.find("socket_parent").text]
-        place = carrier * placement(parent)
+        placed = carrier * placement(parent)
         names = [item.get("name") for item in joint.iter("Coordinate")]
         moves = {name: pin.JointModelRZ() for name in names}
         if (
@@ -96,8 +96,8 @@ def read_model(path):
             tilt, forward, up = names
             moves = {forward: pin.JointModelPX(), up: pin.JointModelPY(), tilt: pin.JointModelRZ()}
         for name, move in moves.items():
-            index = model.addJoint(index, move, place, name)
-            place = pin.SE3.Identity()
+            index = model.addJoint(index, move, placed, name)
+            placed = pin.SE3.Identity()
         body_path = child.find("socket_parent").text
         carrier = placement(child).inverse()
         carriers[body_path] = index, carrier
@@ -123,7 +123,7 @@ def downhill(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def powered_ankle(tmp_path_factory):
-    """With an orthosis that is not slack beside the motor."""
+    """Return a walk whose ankle has a motor and an orthosis that is not slack."""
     return exported_walk(tmp_path_factory, 0.0, "treadmill_ankle", ["plant.ankle.stiffness_Nm_per_rad=20"])
 
 
@@ -159,7 +159,7 @@ def inverse_dynamics(folder):
 
 
 def torque_behind_gear(run, side, joint):
-    """Of the log: what motor, friction, stop and wearer do, less what the rotor takes."""
+    """Return the joint torque of motor, friction, stop and wearer without the torque of the rotor."""
     name, log = f"{side}_{joint}", run.log
     motor = log[f"{name}_motor_torque_Nm"].rolling(2, min_periods=1).mean()  # held from tick to tick
     others = log[[f"{name}_{part}_torque_Nm" for part in ("friction", "stop", "external")]].sum(axis=1)
@@ -287,7 +287,7 @@ def test_with_braces_the_bodies_are_the_wearers_or_the_devices(tmp_path, device)
         assert rms(folder.moments[name] - found[name.removesuffix("_moment")]) < MOMENT_TOLERANCE, name
 
 
-def test_a_belt_that_a_trip_brings_to_rest_pulls_as_it_did(tmp_path):
+def test_friction_of_a_belt_stopped_by_a_trip_is_exported(tmp_path):
     fault = "faults=['encoder_freeze:left_knee@2s']"
     run = simulate(load_experiment("treadmill", [fault, "duration_s=4"]).experiment)
     assert run.trip is not None and run.trip.time < 3.0
@@ -298,7 +298,7 @@ def test_a_belt_that_a_trip_brings_to_rest_pulls_as_it_did(tmp_path):
         assert rms(folder.moments[name] - found[name.removesuffix("_moment")]) < MOMENT_TOLERANCE, name
 
 
-def test_a_leg_on_its_stand_has_no_loads(tmp_path):
+def test_a_bench_leg_has_no_external_loads(tmp_path):
     run = simulate(load_experiment("bench_leg", ["duration_s=1"]).experiment)
     export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)
     names = ["inverse_dynamics.xml", "joint_moments.sto", "model.osim", "motion.mot"]
@@ -332,13 +332,13 @@ def exported(tmp_path_factory):
 def test_the_command_makes_a_folder_and_replaces_only_its_own(exported, capsys, tmp_path):
     assert (exported / "opensim" / "model.osim").is_file()
     assert main(["export", str(exported), "--format", "opensim"]) == 2
-    assert "exists; choose another --out" in capsys.readouterr().err
+    assert states(capsys.readouterr().err, exported / "opensim", "--out")
     assert main(["export", str(exported), "--format", "opensim", "--force"]) == 0
     assert main(["export", str(exported), "--format", "opensim", "--out", str(exported), "--force"]) == 2
     assert (exported / "summary.json").is_file()
 
 
-def test_without_a_format_the_name_says_it(exported, tmp_path, capsys):
+def test_without_a_format_the_file_extension_selects_it(exported, tmp_path, capsys):
     assert main(["export", str(exported)]) == 0
     assert (exported / "log.csv").is_file()
     assert main(["export", str(exported), "--out", str(tmp_path / "walk.sto")]) == 0
@@ -360,9 +360,9 @@ def test_opensim_finds_our_joint_moments(exported):
     done = subprocess.run(
         [sys.executable, "-c", RUN_TOOL], cwd=folder, capture_output=True, text=True, check=True
     )
-    said = json.loads(done.stdout.splitlines()[-1])
+    output = json.loads(done.stdout.splitlines()[-1])
     whole = read_stored_run(exported).run.experiment.build_world().model.total_mass
-    assert said["done"] and said["mass"] == pytest.approx(whole)
+    assert output["done"] and output["mass"] == pytest.approx(whole)
     tables = {}
     for name in ("inverse_dynamics.sto", "joint_moments.sto"):
         stored = read_log_table(folder / name)
@@ -375,7 +375,7 @@ def test_opensim_finds_our_joint_moments(exported):
 
 
 def test_a_free_trunk_is_refused(tmp_path):
-    """Arms, crutches and the pitch of the trunk would be missing from what OpenSim balances."""
+    """The OpenSim model has no arms, crutches or trunk pitch."""
     run = simulate(load_experiment("overground", ["duration_s=0.5"]).experiment)
     with raises(ParameterError, "overground", "--format mot"):
         export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)

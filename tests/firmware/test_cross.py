@@ -1,4 +1,4 @@
-"""Compiling units: what is linked, what it weighs, and what is said when it cannot be done."""
+"""Tests of the cross-compilation of units: linked symbols, sizes, and messages on failure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_a_missing_tool_is_named_with_its_package(monkeypatch, tool):
     assert tool[:3] in str(caught.value).partition("apt-get install")[2]
 
 
-def test_a_compiler_without_its_library_is_told(tmp_path, monkeypatch):
+def test_a_missing_library_of_the_compiler_is_reported(tmp_path, monkeypatch):
     compiler = tmp_path / "arm-none-eabi-gcc"
     compiler.write_text("#!/bin/sh\necho \"fatal error: cannot read spec file 'nano.specs'\" >&2; exit 1\n")
     compiler.chmod(0o755)
@@ -79,7 +79,7 @@ def test_variables_have_their_initial_values(tmp_path):
     np.testing.assert_array_equal(found.ravel(), [3.0, 5.0, 7.0, 3.0])
 
 
-def test_what_the_board_cannot_hold_is_refused(tmp_path):
+def test_code_too_large_for_the_board_is_refused(tmp_path):
     require_tools(*TARGET_TOOLS)
     unit = unit_of(tmp_path / "unit", "out->y = in->x;", state="float room[70000];")
     with raises(FirmwareError, "RAM") as caught:

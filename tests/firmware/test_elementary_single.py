@@ -89,13 +89,13 @@ def test_the_hyperbolic_tangent_is_within_three_units(library):
     assert worst(lambda x: library.call("hyperbolic_tangent", x), mpmath.tanh, points) <= 3.0
 
 
-@pytest.mark.parametrize("place, exact", [(0, mpmath.sin), (1, mpmath.cos)])
+@pytest.mark.parametrize("index, exact", [(0, mpmath.sin), (1, mpmath.cos)])
 @pytest.mark.parametrize("span, most", [(100.0, 1.5), (3000.0, 2.5)])
-def test_sine_and_cosine_are_within_a_unit_and_a_half_up_to_16_turns(library, place, exact, span, most):
+def test_sine_and_cosine_are_within_a_unit_and_a_half_up_to_16_turns(library, index, exact, span, most):
     quarters = range(1, int(span / (math.pi / 2)))
     on_axes, between = (neighbours((n + half) * mpmath.pi / 2 for n in quarters) for half in (0, mpf(0.5)))
     points = [*uniform(-span, span), *on_axes, *between, *(x for x in SMALL if abs(x) > 1e-30)]
-    assert worst(lambda x: library.call("sine_cosine", x)[place], exact, points) <= most
+    assert worst(lambda x: library.call("sine_cosine", x)[index], exact, points) <= most
 
 
 @pytest.mark.parametrize(
@@ -117,14 +117,14 @@ def test_ends_and_zeros(library, name, x, value):
     assert library.call(name, x) == value
 
 
-def test_nan_passes_and_the_sine_of_infinity_is_none(library):
+def test_nan_passes_and_the_sine_of_infinity_is_nan(library):
     for function in ENTRIES[:3]:
         assert math.isnan(library.call(function.__name__, math.nan))
     for angle in (math.nan, math.inf, -math.inf):
         assert all(map(math.isnan, library.call("sine_cosine", angle)))
 
 
-def test_the_constants_are_those_of_their_derivation():
+def test_the_constants_match_their_derivation():
     ln2, quarter = mpmath.log(2), mpmath.pi / 2
     ln2_high, quarter_high = rounded(ln2, 15), rounded(quarter, 13)
     quarter_middle = rounded(quarter - quarter_high, 13)

@@ -1,4 +1,4 @@
-"""A unit on the Cortex-M4F in QEMU and on this machine: same bits, counted instructions, nothing left."""
+"""Tests of a unit on the Cortex-M4F in QEMU and on this machine: equal bits, instruction counts, cleanup."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_one_by_one_and_together_are_the_same_walk(image, rng):
     assert again.stack_bytes == target.stack_bytes
 
 
-def test_instructions_are_those_of_the_listing(tmp_path):
+def test_instructions_match_the_listing(tmp_path):
     """Without a branch, as many instructions run as the disassembler lists."""
     require_tools(*TARGET_TOOLS)
     polynomial = "float y = 0.0f;" + "y = y * in->x + unit->last;" * 37 + "out->y = y; unit->last = in->x;"
@@ -133,7 +133,7 @@ def test_instructions_are_those_of_the_listing(tmp_path):
 
 
 def test_instructions_of_each_tick_are_exact(image):
-    """A loop of n turns takes n times what one takes, in long ticks and when the timer starts anew."""
+    """A loop of n turns runs n times the instructions of one, also in long ticks and after a restart."""
     turns = np.concatenate([np.arange(1, 50), [100_000] * 600, np.arange(49, 0, -1)])
     with Emulator(image) as target:
         target.exchange(inputs_of(*turns))
@@ -164,12 +164,12 @@ def test_a_unit_that_hangs_is_stopped(image):
         assert not exists(pid)
 
 
-def test_a_fault_of_the_processor_is_told(image):
+def test_a_fault_of_the_processor_is_reported(image):
     with Emulator(image) as target, raises(FirmwareError, "qemu-system-arm", "fault"):
         target.exchange(inputs_of(FAULT))
 
 
-def test_a_wrong_image_is_told_in_a_line(tmp_path):
+def test_a_wrong_image_is_refused_in_one_line(tmp_path):
     require_tools(*TARGET_TOOLS)
     (tmp_path / "image.elf").write_text("no image")
     with pytest.raises(FirmwareError) as caught, Emulator(tmp_path / "missing.elf"):
@@ -184,7 +184,7 @@ def test_inputs_of_another_size_are_refused(program):
         host.exchange(np.zeros((1, 2), "f4"))
 
 
-def test_a_stack_that_is_full_is_told(tmp_path):
+def test_a_full_stack_is_reported(tmp_path):
     require_tools(*TARGET_TOOLS)
     fill = "volatile int32_t room[1200]; for (int32_t i = 0; i < in->words; i++) { room[1199 - i] = i; }"
     unit = write_unit(

@@ -1,4 +1,4 @@
-"""The image of the linked unit: thresholds on times give in float what they give in double numbers."""
+"""Tests of the image of the linked unit: time thresholds act in float as in double numbers."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_no_tick_changes_its_side_of_a_threshold(factor, rng):
     assert near_misses > 100  # what float would do without
 
 
-def test_other_thresholds_stay():
+def test_other_thresholds_are_unchanged():
     assert parted(ANGLE, 1.0, 0.0123).threshold == 0.0123
     program = GuardProgram(
         0, [], [], [], [CompiledComparison(TIME, NAMES.index(OTHER_TIME), 1.0, -1.0, 0.0005)]

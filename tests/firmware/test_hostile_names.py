@@ -1,4 +1,4 @@
-"""No text of a user reaches the places that run code from text: source.py, binding.py and executors.py."""
+"""Tests that no text of a user reaches the modules that execute generated code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The test of a printed project notices a changed constant in each of its units."""
+"""Tests that the test of a printed project detects a changed constant in each of its units."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ def folder(tmp_path_factory) -> Path:
 def test_one_changed_constant_of_each_field_is_noticed(folder, tmp_path, name):
     require_tools("gcc")
     unit, first = Unit(folder, name, tmp_path / "build"), dict[str, int]()
-    for place, change in enumerate(unit.changes, 1):
+    for number, change in enumerate(unit.changes, 1):
         if ".mask = 0," not in change.entry and f".{change.field} = -1" not in change.entry:
-            first.setdefault(change.field, place)
-    assert not unit.notices(0)
-    assert [field for field in NOTICED[name].split() if not unit.notices(first[field])] == []
+            first.setdefault(change.field, number)
+    assert not unit.detects(0)
+    assert [field for field in NOTICED[name].split() if not unit.detects(first[field])] == []
 
 
 @pytest.mark.parametrize("name", NOTICED)

@@ -1,4 +1,4 @@
-"""The printed codec against that of Python, which tests/network holds against cantools on the same frames."""
+"""Tests of the printed codec against the Python codec, which tests/network compares with cantools."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def single() -> CLibrary:
 
 
 class InC:
-    """A message as the library packs and unpacks it; the table is the one that was printed."""
+    """Message that is packed and unpacked by the compiled library with the printed table."""
 
     def __init__(self, library: CLibrary, name: str, real: type) -> None:
         self.pack, self.unpack = library.handle.can_pack, library.handle.can_unpack
@@ -58,7 +58,7 @@ class InC:
 
 
 def frames_of(name: str, count: int) -> np.ndarray:
-    """The frames that tests/network/test_dbc.py gives to cantools."""
+    """Return the frames that tests/network/test_dbc.py passes to cantools."""
     message = MESSAGES[name]
     frames = np.random.default_rng(message.identifier).integers(0, 256, (count, 8), np.uint8)
     frames[:, message.length :] = 0
@@ -98,7 +98,7 @@ def test_in_float_a_code_of_24_bits_comes_back(single, double, name):
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan, 1e38, -1e38, 5e-324])
 @pytest.mark.parametrize("name", MESSAGES)
-def test_odd_numbers_get_the_code_of_python(double, name, value):
+def test_unusual_numbers_get_the_code_of_python(double, name, value):
     layout, halves = MESSAGES[name].layout, [0, 0]
     pack_frame(layout, [value] * len(layout), halves)
     assert InC(double, name, ctypes.c_double).packed([value] * len(layout)) == halves

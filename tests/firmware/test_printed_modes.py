@@ -20,7 +20,7 @@ REQUESTS = "walk@0.2s, sit@0.3s, step@0.4s, stop@1.6s, gravity@2.9s, stop@3.2s, 
 
 
 @pytest.mark.slow  # compiles an engine, and the C
-def test_modes_in_c_are_those_of_the_simulation(tmp_path):
+def test_modes_in_c_equal_the_simulation(tmp_path):
     require_tools("gcc", "make")
     experiment = load_experiment(
         "treadmill_start_stop",
@@ -48,7 +48,7 @@ def test_modes_in_c_are_those_of_the_simulation(tmp_path):
 
 
 @pytest.mark.slow  # compiles an engine, and the C
-def test_the_walk_on_the_floor_in_c_is_that_of_the_simulation(tmp_path):
+def test_the_overground_walk_in_c_equals_the_simulation(tmp_path):
     require_tools("gcc", "make")
     requests = "requests=[walk@0.1s, step@0.2s, step@1.3s, stop@1.5s]"
     experiment = load_experiment("overground", ["modes=walking", requests, "duration_s=2"]).experiment

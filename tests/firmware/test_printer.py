@@ -1,4 +1,4 @@
-"""Printed functions, compiled with double numbers, give the bits of Python."""
+"""Tests that printed functions, compiled with double numbers, give the same bits as Python."""
 
 from __future__ import annotations
 
@@ -83,12 +83,12 @@ def library(laws) -> CLibrary:
 
 
 def numbers(draw: random.Random, count: int, spread: float = 3.0) -> list[float]:
-    """Numbers of which one in ten is odd."""
+    """Return random numbers of which one in ten is unusual (NaN, infinite, zero)."""
     return [draw.choice(ODD) if draw.random() < 0.1 else draw.uniform(-spread, spread) for _ in range(count)]
 
 
 def bits(value: Any) -> Any:
-    """What tells two numbers apart; all NaN are one."""
+    """Return a value that is equal for equal bits; all NaN are equal."""
     if isinstance(value, (list, tuple)):
         return [bits(item) for item in value]
     if isinstance(value, float):
@@ -127,7 +127,7 @@ def test_filters_of_an_encoder(library):
             assert bits(ours) == bits(theirs)
 
 
-def test_an_infinite_reading_is_no_undefined_conversion(library):
+def test_an_infinite_reading_causes_no_undefined_conversion(library):
     encoder = new_encoder(1e-3, 0.1, 10)
     library.call("measure_joint", encoder, 1, math.inf, 1e-3, 0.18, 10)
     assert encoder.angle == math.inf
@@ -149,7 +149,7 @@ def test_the_machine_with_debounce_and_timeouts(library, guards):
 
 
 def test_a_printed_table_is_the_one_of_python(library, guards):
-    """The constant of the C source, not the one that is handed in."""
+    """The C function uses the constant of its source, not the argument."""
     table = type(library.structure(guards)).in_dll(library.handle, "treadmill")
     assert table.n_transitions == guards.n_transitions
     for theirs, ours in zip(guards.comparisons, table.comparisons[: len(guards.comparisons)], strict=True):
@@ -193,18 +193,18 @@ def test_limits_and_setpoints(library):
 # ------------------------------------------------------------------------- the functions of the device
 
 
-PLACES = {"controller_tick"}  # which the tick of the controller takes
+EXCLUDED = {"controller_tick"}  # which the tick of the controller takes
 
 
 def functions_of(module: ModuleType) -> list[FunctionType]:
     found = [item for item in vars(module).values() if isinstance(item, FunctionType)]
     # Those of the supervisor are printed where there is one: tests of the supervisor in C.
     found = [item for item in found if "supervisor" not in item.__code__.co_names]
-    return [item for item in found if item.__module__ == module.__name__ and item.__name__ not in PLACES]
+    return [item for item in found if item.__module__ == module.__name__ and item.__name__ not in EXCLUDED]
 
 
 def scrambled(record: Any, draw: random.Random) -> Any:
-    """A copy with other numbers; those that count or point at something stay."""
+    """Return a copy with other numbers, except counts and indices."""
     made = copy.deepcopy(record)
 
     def scramble(value: Any) -> Any:
@@ -224,7 +224,7 @@ def scrambled(record: Any, draw: random.Random) -> Any:
 
 
 class Device(NamedTuple):
-    """An episode, what its structure binds, its gravity kernel as text and in Python, and what is printed."""
+    """Episode, build flags, gravity kernel as text and in Python, and printed program."""
 
     episode: Any
     structure: dict[str, Any]
@@ -320,7 +320,7 @@ def test_the_gravity_kernel(device, device_library):
 
 
 def whole_unit(device: Device) -> tuple[units.Exoskeleton, Any, Any, Program]:
-    """Boards and gait controller as one unit, with its inputs, its outputs and its C."""
+    """Return boards and gait controller as one unit, with inputs, outputs and C program."""
     episode = device.episode
     settings = units.UnitSettings(episode.rates, episode.limits, True)
     boards = [copy.deepcopy(joint.board) for joint in episode.joints]
@@ -339,7 +339,7 @@ def whole_unit(device: Device) -> tuple[units.Exoskeleton, Any, Any, Program]:
 
 
 def test_the_whole_unit_tick_by_tick(device):
-    """Wild inputs, until and after the monitor has tripped; state and outputs at every tick."""
+    """Compare state and outputs at every tick under random inputs, before and after a trip."""
     require_tools("gcc")
     structure, kernel = device.structure, device.kernel
     ours, inputs, outputs, program = whole_unit(device)
@@ -372,13 +372,13 @@ def test_the_whole_unit_tick_by_tick(device):
         assert len(trips) > 1
 
 
-def test_what_nobody_writes_to_is_a_table_in_flash(device):
+def test_unwritten_records_are_tables_in_flash(device):
     text = whole_unit(device)[-1].files["types.h"]
     assert "const ImpedanceSetpoint *setpoints;" in text and "ImpedanceSetpoint blended;" in text
     assert "const TransitionRule *transitions;" in text and "    int32_t target;" in text
 
 
-def test_what_a_constant_rules_out_is_not_printed(device):
+def test_code_disabled_by_a_build_flag_is_not_printed(device):
     text = device.program.files["gait_controller.c"]
     assert "assistance_tick(" in text and "assisted[number].share" in text
     assert "adapted_assistance" not in text
@@ -409,15 +409,15 @@ def run(*words: Any) -> str:
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
-def test_compilers_have_nothing_to_say(laws, compiler, more, tmp_path):
+def test_compilers_report_no_warnings(laws, compiler, more, tmp_path):
     require_tools(compiler)
     for source in written(laws, tmp_path):
         assert run(compiler, *STRICT, *more, "-c", source, "-o", source.with_suffix(".o")) == ""
 
 
-def test_every_file_says_what_it_is_and_the_hash_follows_the_sources(laws, guards):
+def test_every_file_has_a_header_and_the_hash_follows_the_sources(laws, guards):
     for name, text in laws.files.items():
-        assert "Not a medical device." in text.partition("*/")[0], name
+        assert "Not a medical device." in " ".join(text.partition("*/")[0].split()), name
         if name.endswith(".h"):
             assert f"#ifndef TWIN_GAIT_{name.upper().replace('.', '_')}" in text
 

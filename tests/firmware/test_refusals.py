@@ -1,4 +1,4 @@
-"""What cannot be printed is refused in one line that names function, line and construct."""
+"""Tests that unsupported code is refused in one line with function, line and construct."""
 
 from __future__ import annotations
 
@@ -144,39 +144,39 @@ def broken_off(x: float) -> float:
 
 
 @pytest.mark.parametrize(
-    "function, line, said",
+    "function, line, expected",
     [
         (again, 0, "recursion"),
-        (while_loop, 1, "while x > 0.0: x = x - 1.0: a statement"),
+        (while_loop, 1, "while x > 0.0: x = x - 1.0: this kind of statement"),
         (comprehension, 1, "sum"),
-        (library_call, 1, "math.sqrt(x): a function"),
-        (power, 1, "x ** 2: arithmetic"),
+        (library_call, 1, "math.sqrt(x): this function"),
+        (power, 1, "x ** 2: this kind of arithmetic"),
         (two_kinds, 2, "x: is real where int32_t is expected"),
-        (text, 1, "'x': an expression that is not printed"),
+        (text, 1, "'x': this kind of expression cannot be printed"),
         (number_as_truth, 1, "is int32_t where bool is expected"),
-        (no_such_field, 1, "cell.absent: no sample of Cell has absent"),
-        (whole_record, 1, "cell.row: records and lists are changed entry by entry"),
-        (order, 1, "bump(cell): changes records beside"),
-        (order_of_a_target, 1, "bump(cell): changes records beside"),
-        (exchanged, 1, "values that are exchanged"),
+        (no_such_field, 1, "cell.absent: no sample of Cell has the field absent"),
+        (whole_record, 1, "cell.row: a record or list can only be changed entry by entry"),
+        (order, 1, "bump(cell): changes records in an expression"),
+        (order_of_a_target, 1, "bump(cell): changes records in an expression"),
+        (exchanged, 1, "values are exchanged"),
         (from_the_end, 1, "counted from its beginning"),
-        (unknown_length, 1, "row: is no list of one known length"),
-        (counted_twice, 1, "i: is counted by the loop"),
-        (ends_where_a_call_says, 1, "cell.count: may be changed in the loop"),
-        (ends_elsewhere, 1, "x: may be changed in the loop"),
+        (unknown_length, 1, "row: is not a list with one known length"),
+        (counted_twice, 1, "i: the loop variable must not be assigned"),
+        (ends_where_a_call_says, 1, "cell.count: may change in the loop"),
+        (ends_elsewhere, 1, "x: may change in the loop"),
         (passed_on, 1, "pair(x): several numbers of another function"),
-        (broken_off, 2, "break: a statement that is not printed"),
-        (of_a_dictionary, 0, "x is of no kind that C knows"),
+        (broken_off, 2, "break: this kind of statement cannot be printed"),
+        (of_a_dictionary, 0, "x has a type that cannot be printed"),
     ],
     ids=lambda item: getattr(item, "__name__", ""),
 )
-def test_refused(function, line, said):
+def test_refused(function, line, expected):
     with pytest.raises(FirmwareError) as caught:
         printed(function)
     message = str(caught.value)
     first = function.__code__.co_firstlineno
     assert message.startswith(f"{__name__}.{function.__name__}, line {first + line}: ")
-    assert said in message and "\n" not in message
+    assert expected in message and "\n" not in message
 
 
 def test_two_constants_of_one_name_are_refused(tmp_path, monkeypatch):
@@ -210,6 +210,6 @@ def shortened(cell: Cell, x: float) -> float:
 DEAD = False
 
 
-def test_what_a_constant_rules_out_may_be_anything():
+def test_code_disabled_by_a_build_flag_is_not_checked():
     text = printed(shortened)
     assert "no_such_name" not in text and "if" not in text.split("shortened(")[1]

@@ -1,4 +1,4 @@
-"""The sizes on the page of the firmware are those of the units that are printed today."""
+"""Test that the sizes on the page of the firmware match the current units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RESULTS = Path(firmware.__file__).parent / "results" / "firmware" / "results.jso
 
 
 @pytest.mark.parametrize("name", firmware.TABLES)
-def test_the_stored_record_sizes_are_those_of_a_fresh_print(name: str) -> None:
+def test_the_stored_record_sizes_equal_a_new_print(name: str) -> None:
     preset, *changes = firmware.TABLES[name]
     (row,) = [row for row in json.loads(RESULTS.read_text(encoding="utf-8"))["rows"] if row["table"] == name]
     printed = print_project(load_experiment(preset, changes).experiment).record_bytes

@@ -37,8 +37,8 @@ NAMES = all_signal_names(JOINTS)
 STILL = dict.fromkeys(NAMES, 0.0)  # of legs that hang
 
 
-def test_no_signal_comes_or_goes_unnoticed():
-    """The only test that lists them; others go by the declaration."""
+def test_list_of_signals_is_unchanged():
+    """Only this test lists the signals; all others follow the declaration."""
     assert SIGNALS == (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE, TRUNK_PITCH, WALK, STEP)
 
 
@@ -54,20 +54,20 @@ def test_the_list_is_in_the_order_of_the_declaration():
     )
 
 
-def test_the_record_of_the_device_has_what_is_declared():
+def test_the_record_of_the_device_has_the_declared_signals():
     assert [item.name for item in fields(DeviceSignals)] == [signal.field for signal in DEVICE_SIGNALS]
     assert list(astuple(DeviceSignals())) == [signal.initial_value for signal in DEVICE_SIGNALS]
 
 
-def test_nothing_is_measured_at_first():
+def test_signals_are_unmeasured_at_the_start():
     first = dict(zip(NAMES, two_phase_table().to_si({}), strict=True))
     assert first["walk"] == first["step"] == 1.0 and first["trunk.pitch_deg"] == 0.0
     unknown = [name for name in NAMES if find_signal(name) in (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)]
     assert all(math.isnan(first[name]) for name in unknown)
 
 
-def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
-    """Such as ``shank.angle_deg``, which is none of a joint."""
+def test_a_signal_name_that_ends_in_another_name_is_separate(monkeypatch):
+    """An example is ``shank.angle_deg``, which is not a signal of a joint."""
     shank = replace(LOAD, name="shank.angle_deg")
     monkeypatch.setattr(signals, "SIGNALS", (*SIGNALS, shank))
     find_signal.cache_clear()
@@ -77,14 +77,14 @@ def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
         find_signal.cache_clear()
 
 
-def test_what_a_machine_is_given_is_in_the_order_of_the_list_and_the_rest_as_at_first():
-    numbers = {name: place / find_signal(name).unit.factor for place, name in enumerate(NAMES)}
+def test_signals_given_to_a_machine_are_in_list_order_and_others_keep_their_initial_value():
+    numbers = {name: index / find_signal(name).unit.factor for index, name in enumerate(NAMES)}
     assert two_phase_table().to_si(numbers) == pytest.approx(list(range(len(NAMES))))
     assert str(two_phase_table().to_si({})) == str([find_signal(name).initial_value for name in NAMES])
 
 
 @pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
-def test_what_is_not_declared_is_no_signal(name):
+def test_undeclared_names_are_not_signals(name):
     with raises(GaitTableError, "trunk.pitch_deg", "walk"):
         two_phase_table(transition("stance", "swing", f"{name} > 1"))
 
@@ -99,7 +99,7 @@ def test_the_pitch_of_the_trunk_opens_a_guard():
         assert (held[opens].step(1, {**STILL, "trunk.pitch_deg": pitch}) is not None) is opens
 
 
-def test_it_is_compared_with_an_angle_and_not_with_another_unit():
+def test_trunk_pitch_is_compared_only_with_an_angle():
     two_phase_table(transition("stance", "swing", "trunk.pitch_deg - hip.angle_deg > 5"))
     with raises(GaitTableError, "transitions[0]", "trunk.pitch_deg", "walk", "deg"):
         two_phase_table(transition("stance", "swing", "trunk.pitch_deg - walk > 5"))

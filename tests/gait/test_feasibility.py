@@ -53,6 +53,6 @@ def test_strict_bounds_exclude_their_limit() -> None:
     assert solve([replace(below, strict=False), above]) == {"a": 5.0}
 
 
-def test_room_is_kept_from_a_limit() -> None:
+def test_solution_keeps_a_margin_from_a_limit() -> None:
     found = solve([Bound(ZERO, "a", -3.0, margin=2.0)], share=1.0)
     assert found == {"a": 5.0}

@@ -177,12 +177,12 @@ trees = st.recursive(
 )
 
 
-def places(tree: Any) -> list[tuple[Any, Any]]:
+def entries(tree: Any) -> list[tuple[Any, Any]]:
     """Every container in a tree with each of its keys or indices."""
     keys: list[Any] = (
         list(tree) if isinstance(tree, dict) else list(range(len(tree))) if isinstance(tree, list) else []
     )
-    return [place for key in keys for place in [(tree, key), *places(tree[key])]]
+    return [entry for key in keys for entry in [(tree, key), *entries(tree[key])]]
 
 
 @pytest.mark.parametrize("name", ["treadmill", "osl_walking"])
@@ -191,14 +191,14 @@ def places(tree: Any) -> list[tuple[Any, Any]]:
 def test_damaged_table_ends_in_a_report_or_in_one_line(name: str, data: st.DataObject) -> None:
     tree = copy.deepcopy(shipped(name))
     for _ in range(data.draw(st.integers(1, 3))):
-        container, key = data.draw(st.sampled_from(places(tree)))
+        container, key = data.draw(st.sampled_from(entries(tree)))
         action = data.draw(st.sampled_from(["replace", "delete", "copy"]))
         if action == "delete":
             del container[key]
         elif action == "replace":
             container[key] = data.draw(trees)
         else:
-            container[key] = copy.deepcopy(data.draw(st.sampled_from([b[k] for b, k in places(tree)])))
+            container[key] = copy.deepcopy(data.draw(st.sampled_from([b[k] for b, k in entries(tree)])))
     ends_well(tree)
 
 
@@ -214,9 +214,7 @@ def test_any_mapping_ends_in_one_line(tree: dict[str, Any]) -> None:
 
 @quick
 @given(start=st.integers(0, 5000), length=st.integers(1, 200), text=st.text(max_size=5))
-def test_text_with_a_piece_torn_out_ends_in_a_report_or_in_one_line(
-    start: int, length: int, text: str
-) -> None:
+def test_text_with_a_removed_part_ends_in_a_report_or_in_one_line(start: int, length: int, text: str) -> None:
     whole = named_file("treadmill").read_text(encoding="utf-8")
     try:
         data = parse_yaml(whole[:start] + text + whole[start + length :], "fuzz.yaml")
@@ -268,7 +266,7 @@ def build_and_check(table: Any) -> None:
 
 
 @pytest.mark.parametrize(("count", "fits"), [(62, True), (63, False), (200, False)])
-def test_number_of_phases_is_bounded_by_what_the_evaluator_holds(count: int, fits: bool) -> None:
+def test_number_of_phases_is_limited_by_the_evaluator(count: int, fits: bool) -> None:
     phase = shipped("osl_walking")["phases"]["early_stance"]
     names = [f"p{index}" for index in range(count)]
     data = {
@@ -306,7 +304,7 @@ def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> Non
 
 
 @pytest.mark.parametrize("joint", ["left.hip", "other", "", "a b", "hüfte-1", "3rd"])
-def test_joint_names_that_no_signal_can_bear_are_one_line(joint: str) -> None:
+def test_joint_names_unfit_for_signals_are_refused_in_one_line(joint: str) -> None:
     data = copy.deepcopy(shipped("osl_walking"))
     data["joints"] = ["knee", joint]
     for phase in data["phases"].values():

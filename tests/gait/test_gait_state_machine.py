@@ -47,7 +47,7 @@ def switches(fsm: GaitStateMachine, hips: list[float], first_tick: int = 1) -> l
     return [item for item in found if item is not None]
 
 
-def test_leg_switches_in_the_tick_in_which_its_guard_opens() -> None:
+def test_leg_switches_in_the_tick_in_which_its_guard_becomes_true() -> None:
     fsm = machine(transition("stance", "swing", "hip.angle_deg > 10", cause="lifted"))
     assert switches(fsm, [9.0, 9.99, 10.01]) == [PhaseSwitch(3, Side.LEFT, "stance", "swing", "lifted", 0)]
     assert fsm.phase == "swing"
@@ -56,7 +56,7 @@ def test_leg_switches_in_the_tick_in_which_its_guard_opens() -> None:
     assert fsm.time_in_phase(13) == pytest.approx(0.010)
 
 
-def test_switch_knows_its_time_in_seconds() -> None:
+def test_switch_has_its_time_in_seconds() -> None:
     assert PhaseSwitch(1234, Side.LEFT, "stance", "swing", "lifted", 0).time == pytest.approx(1.234)
 
 
@@ -126,7 +126,7 @@ def test_first_listed_of_two_open_exits_wins(order: tuple[str, str]) -> None:
     assert (switch.cause, switch.transition) == (order[0], 0)
 
 
-def test_exit_further_down_fires_while_those_above_are_closed() -> None:
+def test_lower_exit_fires_while_the_exits_above_are_closed() -> None:
     fsm = machine(
         transition("stance", "swing", "hip.angle_deg > 10", cause="first"),
         transition("stance", "swing", "knee.angle_deg > 10", cause="second"),
@@ -209,12 +209,12 @@ def test_missing_measurement_is_refused(named: str) -> None:
         fsm.step(1, legs(leg(), rest), "stance")
 
 
-def test_leg_said_to_be_there_must_be_measured() -> None:
+def test_a_declared_leg_must_be_measured() -> None:
     with raises(MeasurementError, "left", "other", "hip.angle_deg", "nan"):
         machine().step(1, leg(), "stance")
 
 
-def test_signals_are_laid_out_as_guards_read_them() -> None:
+def test_signals_are_in_the_order_that_guards_read() -> None:
     given = {
         "hip.angle_deg": 1.0,
         "knee.angle_deg": 2.0,
@@ -249,19 +249,19 @@ def test_unknown_phases_are_refused() -> None:
         machine().step(1, legs(leg(), leg()), "flight")
 
 
-def test_machine_starts_where_it_is_told() -> None:
+def test_machine_starts_in_the_given_phase() -> None:
     assert GaitStateMachine(two_phase_table(), Side.LEFT, initial_phase="swing").phase == "swing"
     assert machine().phase == "stance"
 
 
-def test_transitions_library_sees_the_same_table() -> None:
+def test_transitions_library_gives_the_same_switches() -> None:
     fsm = machine()
     assert set(fsm.machine.states) == {"stance", "swing"}
     assert fsm.machine.get_triggers("stance") == ["take_0"]
     assert fsm.machine.get_triggers("swing") == ["take_1"]
 
 
-def test_two_legs_share_a_program_but_no_memory() -> None:
+def test_two_legs_share_a_program_but_no_state() -> None:
     table = two_phase_table(transition("stance", "swing", "hip.angle_deg > 10", debounce_ticks=2))
     program = compile_guards(table)
     left = GaitStateMachine(table, Side.LEFT, program=program)

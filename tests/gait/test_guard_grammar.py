@@ -1,4 +1,4 @@
-"""The text of a guard: what it may say, and how a mistake is explained."""
+"""Tests of the text of a guard: accepted syntax, and explanation of mistakes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NAMES = all_signal_names(JOINTS)
 
 
 def parse(text: str) -> Guard:
-    """A guard as a table with the five phases takes it."""
+    """Parse a guard in a table with the five phases."""
     parsed = parse_guard(text)
     table = load_gait_table("treadmill")
     first, *others = table.transitions
@@ -142,8 +142,8 @@ def test_any_text_is_a_guard_or_an_error_of_this_package(text: str) -> None:
 def test_signals_of_a_leg_come_joint_by_joint() -> None:
     own = signal_names(("hip", "knee"))
     known = ("hip.angle_deg", "hip.velocity_deg_per_s", "knee.angle_deg", "knee.velocity_deg_per_s")
-    places = [own.index(name) for name in (*known, "foot.load_bw", "time_in_phase_s")]
-    assert places == sorted(places)
+    indices = [own.index(name) for name in (*known, "foot.load_bw", "time_in_phase_s")]
+    assert indices == sorted(indices)
     assert (*own, *(f"other.{name}" for name in own), *DEVICE_NAMES) == NAMES
 
 
@@ -196,7 +196,9 @@ def test_a_signal_unknown_to_the_table_is_refused_when_it_is_built_in_python(wro
     ("operator", "threshold"),
     [(">=", 3.0), ("=>", 3.0), ("", 3.0), (">", math.nan), ("<", math.inf)],
 )
-def test_a_comparison_built_in_python_is_checked_like_one_in_a_file(operator: str, threshold: float) -> None:
+def test_a_comparison_built_in_python_is_validated_like_one_in_a_file(
+    operator: str, threshold: float
+) -> None:
     """Otherwise ``>=`` silently means ``<``."""
     with pytest.raises(TwinGaitError):
         compile_guards(

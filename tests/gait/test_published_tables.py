@@ -1,4 +1,4 @@
-"""The published machines: their numbers against the sources, and what they do on a measured stride."""
+"""Tests of the published machines: numbers against the sources, and switches on a measured stride."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ PERCENT = np.linspace(0.0, 100.0, 51)
 
 
 @pytest.mark.parametrize(("name", "numbers"), [("sup_2009", SUP_TABLE_III), ("osl_walking", OSL_NUMBERS)])
-def test_impedances_are_those_of_the_source(name: str, numbers: tuple[tuple[float, ...], ...]) -> None:
+def test_impedances_equal_the_published_values(name: str, numbers: tuple[tuple[float, ...], ...]) -> None:
     table = load_gait_table(name)
     per_radian = 180.0 / math.pi if name == "sup_2009" else 1.0
     assert table.joints == ("knee", "ankle")
@@ -189,7 +189,7 @@ def test_impedances_are_those_of_the_source(name: str, numbers: tuple[tuple[floa
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_what_the_sources_do_not_have_is_off(name: str) -> None:
+def test_features_missing_in_the_sources_are_off(name: str) -> None:
     table = load_gait_table(name)
     assert table.blending.law is BlendingLaw.NONE
     for parameters in table.phases.values():
@@ -289,7 +289,7 @@ def crossing(values: list[float], level: float, first: float, *, rising: bool) -
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_a_measured_stride_takes_each_machine_once_round(name: str) -> None:
+def test_a_measured_stride_passes_through_each_machine_once(name: str) -> None:
     table = load_gait_table(name)
     switches = replay(table)
     order = list(table.phase_names)
@@ -356,7 +356,7 @@ def test_other_readings_of_the_open_source_leg_switch_elsewhere() -> None:
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_the_leg_has_no_ankle_drive_and_says_so_in_one_line(name: str) -> None:
+def test_missing_ankle_drive_is_reported_in_one_line(name: str) -> None:
     with raises(TwinGaitError, "plant.actuators.ankle", name) as caught:
         load_experiment("treadmill", [f"table={name}"])
     assert len(str(caught.value).splitlines()) == 1
@@ -366,7 +366,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "images"
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_page_of_the_published_machines_shows_the_tables_as_they_are(name: str) -> None:
+def test_page_of_the_published_machines_matches_the_tables(name: str) -> None:
     """If this fails, write the tables into the page again: twin-gait diagram NAME --format truth."""
     table = load_gait_table(name)
     page = (DOCS.parent / "background" / "published_machines.md").read_text("utf-8").splitlines()
@@ -382,7 +382,7 @@ def drawn_texts(svg: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", sorted(DOCS.glob("*.svg")), ids=lambda path: path.stem)
-def test_drawings_in_the_documentation_are_those_of_the_shipped_tables(path: Path) -> None:
+def test_drawings_in_the_documentation_match_the_shipped_tables(path: Path) -> None:
     """If this fails, draw it again: twin-gait diagram NAME --format svg > docs/images/NAME.svg."""
     if path.stem not in packaged_gait_tables():
         pytest.skip("not the drawing of a gait table")
@@ -391,7 +391,7 @@ def test_drawings_in_the_documentation_are_those_of_the_shipped_tables(path: Pat
 
 
 @pytest.mark.parametrize("name", ["sup_2009", "osl_walking"])
-def test_the_page_shows_what_the_check_says(name, capsys):
+def test_the_page_shows_the_output_of_the_check(name, capsys):
     from twin_gait.cli import main
 
     assert main(["check", name]) == 0

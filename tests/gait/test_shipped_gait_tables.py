@@ -1,7 +1,7 @@
-"""Every transition of every shipped gait table, by the test kit, and both legs on random measurements.
+"""Tests of all transitions of shipped gait tables by the test kit, and of legs on random measurements.
 
 No threshold is typed here: the kit (:mod:`twin_gait.testing`) reads the tables, works out what has to
-happen from them alone, and drives the state machine. The approved texts under ``approved`` tell when a
+happen from them alone, and drives the state machine. The approved texts under ``approved`` show when a
 table itself was edited; ``pytest --gait-table FILE --approved FILE --approve`` renews one.
 """
 
@@ -48,7 +48,7 @@ def kit(name: str) -> list[TransitionTest]:
 FIVE_PHASES = tuple(str(phase) for phase in GaitPhase)
 # Published machines of prostheses have tables too; these are walks of the device.
 WALKING = ["bench_leg", "treadmill", "treadmill_ankle"]
-TOLD_TICKS = 250  # after which both legs are told the contrary
+WALK_COMMAND_TICKS = 250  # after which the walk command of both legs changes
 
 each_table = pytest.mark.parametrize("name", TABLES)
 
@@ -59,7 +59,7 @@ def leaving(table: GaitTable, source: str) -> list[int]:
 
 
 def of_transition(name: str, index: int) -> list[tuple[str, TransitionTest]]:
-    """The kit's tests of one transition, and what they show, which may be several's."""
+    """Return the tests of the kit for one transition with the claims that they show."""
     item = shipped(name).transitions[index]
     title = f"{item.source}→{item.target} ({item.cause})::"
     return [(test.name.removeprefix(title), test) for test in kit(name) if test.name.startswith(title)]
@@ -71,7 +71,7 @@ def test_every_test_of_the_kit_is_of_a_transition(name: str) -> None:
     assert sum(map(len, shown)) == len(kit(name))
 
 
-def test_tables_ship_and_unknown_names_list_them() -> None:
+def test_unknown_table_name_lists_the_shipped_tables() -> None:
     assert TABLES
     with raises(ParameterError, *TABLES):
         load_gait_table("moonwalk")
@@ -87,7 +87,7 @@ def test_phases_of_walking_form_one_cycle_in_their_order(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WALKING)
-def test_swing_ends_by_itself_when_the_foot_is_stuck(name: str) -> None:
+def test_swing_ends_by_timeout_when_the_foot_is_stuck(name: str) -> None:
     table = shipped(name)
     for phase in (GaitPhase.SWING_FLEXION, GaitPhase.SWING_EXTENSION):
         items = [table.transitions[index] for index in leaving(table, phase)]
@@ -103,13 +103,13 @@ def test_swing_ends_by_itself_when_the_foot_is_stuck(name: str) -> None:
     ],
 )
 def test_transition(name: str, index: int) -> None:
-    """All that the kit shows of it; the first that fails says which."""
-    for what, test in of_transition(name, index):
-        assert test.undecided is None, f"{what}: {test.undecided}"
+    """Run all tests of the kit on one transition; the message names the first one that fails."""
+    for claim, test in of_transition(name, index):
+        assert test.undecided is None, f"{claim}: {test.undecided}"
         try:
             test.run()
         except AssertionError as error:
-            raise AssertionError(what) from error
+            raise AssertionError(claim) from error
 
 
 @each_table
@@ -117,13 +117,13 @@ def test_kit_shows_every_condition_debounce_and_time_of_a_shipped_table(name: st
     table = shipped(name)
     for index, item in enumerate(table.transitions):
         shown = dict(of_transition(name, index)).keys()
-        assert "refuses signals that are NaN, infinite or missing" in shown
+        assert "rejects signals that are NaN, infinite or missing" in shown
         for entry in decisive(item.guard):
             assert _wanted(table, entry.atom) <= shown
-        for count, word in ((item.debounce_ticks > 1, "debounce:"), (item.is_timeout, "time-out:")):
-            assert any(what.startswith(word) for what in shown) is bool(count), (word, item)
+        for count, word in ((item.debounce_ticks > 1, "debounce:"), (item.is_timeout, "timeout:")):
+            assert any(claim.startswith(word) for claim in shown) is bool(count), (word, item)
         least = table.phases[item.source].minimum_ticks
-        waits = any(what.startswith("minimum duration:") for what in shown)
+        waits = any(claim.startswith("minimum duration:") for claim in shown)
         assert waits is (least > 1 and not item.is_timeout), item
 
 
@@ -145,8 +145,8 @@ def test_kit_shows_the_priority_of_every_two_exits_of_a_phase(name: str) -> None
     for source in table.phase_names:
         for first, second in itertools.combinations(leaving(table, source), 2):
             other = table.transitions[second]
-            what = f"priority: wins over {other.target} ({other.cause}) when both are due"
-            assert (what in dict(of_transition(name, first))) is ((first, second) not in apart)
+            claim = f"priority: wins over {other.target} ({other.cause}) when both are due"
+            assert (claim in dict(of_transition(name, first))) is ((first, second) not in apart)
 
 
 @each_table
@@ -224,7 +224,11 @@ def test_any_measurements_keep_both_legs_in_the_cycle(name: str, seed: int) -> N
             other = 1 - leg
             signals = {**measured[leg], OWN_TIME: times[leg]}
             signals |= {f"other.{key}": value for key, value in measured[other].items()}
-            signals |= {OTHER_TIME: times[other], "walk": float(tick // TOLD_TICKS % 2 == 0), "step": 1.0}
+            signals |= {
+                OTHER_TIME: times[other],
+                "walk": float(tick // WALK_COMMAND_TICKS % 2 == 0),
+                "step": 1.0,
+            }
             switch = machine.step(tick, signals, phases[other])
             expected = references[leg].step(tick, signals, phases[other])
             assert (None if switch is None else switch.transition) == expected

@@ -45,7 +45,7 @@ def viscous_interval(tests, bench: BenchSetup):
     return result.models[0].uncertainty.intervals[VISCOUS], result.warnings
 
 
-def test_a_current_that_leads_is_named_and_the_truth_lies_inside_the_intervals_afterwards():
+def test_a_leading_current_is_reported_and_after_correction_intervals_contain_the_truth():
     early = campaign_tests(HALF_PERIOD)
     (low, high), warnings = viscous_interval(early, BENCH)
     assert high < KNEE[3]  # the bias that no interval shows
@@ -61,20 +61,22 @@ def test_a_current_that_leads_is_named_and_the_truth_lies_inside_the_intervals_a
 
 
 @pytest.mark.parametrize("lead", [0.0, -0.002])
-def test_the_delay_is_estimated_whatever_its_sign(lead):
+def test_the_delay_is_estimated_for_either_sign(lead):
     found = estimate_delay(campaign_tests(lead), BENCH)
     assert abs(found.time - lead) < 1.5 * found.half_interval
-    said = delay_warnings(campaign_tests(lead), BENCH, IdentificationOptions().processing)
-    assert [line.startswith("the current lags the angle by 1.9") for line in said] == [True] * (lead < 0.0)
+    warnings = delay_warnings(campaign_tests(lead), BENCH, IdentificationOptions().processing)
+    assert [line.startswith("the current lags the angle by 1.9") for line in warnings] == [True] * (
+        lead < 0.0
+    )
 
 
-def test_a_wrong_inertia_is_not_taken_for_a_delay():
+def test_a_wrong_inertia_is_not_reported_as_a_delay():
     heavy = replace(BENCH, link_inertia=0.1)
     assert delay_warnings(campaign_tests(0.0, heavy), heavy, IdentificationOptions().processing) == []
 
 
 @pytest.mark.parametrize("rebound", [0.0, 0.5], ids=["falls", "falls with a slow rebound"])
-def test_logs_of_one_direction_do_not_give_an_estimate(rebound):
+def test_logs_of_one_direction_give_no_estimate(rebound):
     """With a slow rebound many samples move back, but no fast ones."""
     tests = [
         replace(test, used=test.used & (test.velocity > -rebound)) for test in campaign_tests(HALF_PERIOD)

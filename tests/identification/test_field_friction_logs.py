@@ -31,7 +31,7 @@ def call(*arguments: object) -> int:
     return parsed.run(parsed)
 
 
-def test_an_index_in_brackets_is_no_unit(tmp_path):
+def test_an_index_in_brackets_is_not_a_unit(tmp_path):
     columns = {"time_ms": 1e3 * TIME, "q_d[3]": 0.0 * TIME, "dq[3]": VELOCITY, "tau_J[3]": 2.0 * VELOCITY}
     path = write_log(tmp_path / "a.csv", columns)
     for name in ("tau_J[3]", "tau_J"):
@@ -41,7 +41,7 @@ def test_an_index_in_brackets_is_no_unit(tmp_path):
         np.testing.assert_allclose(log.columns[Quantity.TIME], TIME)
 
 
-def test_lines_above_the_names_are_passed_over_without_columns(tmp_path):
+def test_lines_above_the_names_are_skipped_without_columns(tmp_path):
     path = tmp_path / "a.csv"
     rows = "\n".join(f"{a:.4f};{b:.6f};{2 * b:.6f}" for a, b in zip(TIME, VELOCITY, strict=True))
     path.write_text(f"Export;v2\nRate;100\n\ntime;velocity;friction_torque\n{rows}\n")
@@ -70,7 +70,7 @@ def test_an_encoder_that_wraps_is_named_and_unwrapped(tmp_path):
     assert document["tests"][0]["samples"]["stop"] == 0
 
 
-def test_a_series_does_without_an_angle_that_wraps(tmp_path):
+def test_a_series_omits_a_wrapping_angle(tmp_path):
     angle = np.mod(np.cumsum(VELOCITY) / 100.0 + 0.1, 2.0 * math.pi) - 2.0 * math.pi * (TIME > 3.5)
     columns = {"time": TIME, "angle": angle, "velocity": VELOCITY, "friction_torque": 2.0 * VELOCITY}
     test = process_log(read_log(write_log(tmp_path / "a.csv", columns)), None)
@@ -133,7 +133,7 @@ def test_the_warning_of_a_wrong_current_names_the_motor(own_motor_logs, tmp_path
         ),
     ],
 )
-def test_a_motor_that_cannot_be_is_one_line(own_motor_logs, tmp_path, extra, message):
+def test_an_impossible_motor_is_refused_in_one_line(own_motor_logs, tmp_path, extra, message):
     with raises(ParameterError, *message) as error:
         call(own_motor_logs, *extra, "--out", tmp_path / "out")
     assert "\n" not in str(error.value) and not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""The fitter against a second opinion: lmfit on the same samples, and hard reference problems of NIST.
+"""Tests of the fitter against lmfit on the same samples, and on hard reference problems of NIST.
 
 Data and certified values of the NIST Statistical Reference Datasets, nonlinear regression; the starts are the
 product's own, drawn over wide bounds that hold NIST's far start.
@@ -97,7 +97,7 @@ HARD = {
     "MGH10": (
         lambda x, b, e: b[0] * np.exp(e[0] / (x + e[1]) - 12.0),  # b1 in units of exp(12), which conditions
         ((2e2, 4e5), (1e2, 2.5e4)),
-        [50 + 5 * place for place in range(16)],
+        [50 + 5 * index for index in range(16)],
         MGH10_Y,
         (5.6096364710e-03 * math.exp(12.0), 6.1813463463e03, 3.4522363462e02),
         (1.5687892471e-04 * math.exp(12.0), 2.3309021107e01, 7.8486103508e-01),
@@ -107,7 +107,7 @@ HARD = {
 
 
 def quietly(law, x, b, e):
-    """A law that may overflow at absurd shapes, which the fitter must pass over."""
+    """Return a law that may overflow at extreme shapes, which the fitter must skip."""
     with np.errstate(all="ignore"):
         return law(x, b, e)
 
@@ -116,14 +116,14 @@ def as_model(law, limits, count: int = 1) -> FrictionModel:
     return FrictionModel(
         name="reference",
         formula="",
-        coefficients=tuple(f"b{place}" for place in range(count)),
-        shape=tuple(ShapeParameter(f"e{place}", *pair) for place, pair in enumerate(limits)),
+        coefficients=tuple(f"b{index}" for index in range(count)),
+        shape=tuple(ShapeParameter(f"e{index}", *pair) for index, pair in enumerate(limits)),
         torque=lambda samples, b, e: quietly(law, samples.velocity, b, e),
     )
 
 
 @pytest.mark.parametrize("name", HARD)
-def test_hard_reference_problems_of_nist_come_out_to_six_digits(name):
+def test_hard_reference_problems_of_nist_are_solved_to_six_digits(name):
     law, limits, x, y, certified, deviations, sse = HARD[name]
     model = as_model(law, limits)
     used = np.ones(len(x), dtype=bool)
@@ -188,8 +188,8 @@ def test_lmfit_finds_the_same_parameters_covariance_and_criteria(name, law, trut
     assert_allclose(found.bic - math.log(len(samples)), other.bic, rtol=1e-8)
 
 
-def test_bootstrap_intervals_of_independent_tests_are_those_of_lmfit():
-    """60 tests of white noise: drawing whole tests says what ordinary theory says, within its own chance."""
+def test_bootstrap_intervals_of_independent_tests_equal_lmfit():
+    """60 tests of white noise: drawing whole tests agrees with ordinary theory within sampling error."""
     lmfit = pytest.importorskip("lmfit")
     rng, time = np.random.default_rng(5), np.arange(100) / 100.0
     tests = []

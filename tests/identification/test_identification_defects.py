@@ -57,7 +57,7 @@ MENDED = {
 
 
 @pytest.mark.parametrize("name", MENDED)
-def test_a_defect_of_a_series_is_mended_and_said(tmp_path, name):
+def test_a_defect_of_a_series_is_repaired_and_reported(tmp_path, name):
     text, warning = MENDED[name]
     result = identified(tmp_path / "a.csv", text)
     assert any(warning in line for line in result.warnings)
@@ -69,7 +69,7 @@ def test_a_defect_of_a_series_is_mended_and_said(tmp_path, name):
 @pytest.mark.parametrize(
     "before", ["Robot: arm\nDate: 2024-01-01\n\n", "% exported\n% by a program\n", "# comment\n"]
 )
-def test_lines_before_the_column_names_are_passed_over(tmp_path, before):
+def test_lines_before_the_column_names_are_skipped(tmp_path, before):
     assert len(identified(tmp_path / "a.csv", before + text_of()).samples) == 1000
 
 
@@ -89,14 +89,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_would_give_a_wrong_result_is_refused_in_one_line(tmp_path, name):
+def test_defects_that_falsify_the_result_are_refused_in_one_line(tmp_path, name):
     text, message = REFUSED[name]
     with raises((ParameterFileError, ParameterError), *message) as error:
         identified(tmp_path / "a.csv", text)
     assert "\n" not in str(error.value)
 
 
-def test_records_that_follow_one_another_are_taken_apart(tmp_path):
+def test_consecutive_records_are_separated(tmp_path):
     samples = identified(tmp_path / "a.csv", text_of(t=np.tile(TIME[:250], 4))).samples
     assert np.flatnonzero(samples.fresh).tolist() == [0, 250, 500, 750]
 
@@ -110,12 +110,12 @@ def test_one_column_cannot_be_two_quantities(tmp_path):
         )
 
 
-def test_a_velocity_in_degrees_is_doubted_in_a_series(tmp_path):
+def test_a_velocity_in_degrees_is_warned_of_in_a_series(tmp_path):
     result = identified(tmp_path / "a.csv", text_of(dq2=np.degrees(VELOCITY)))
     assert any("velocity reaches" in line and "velocity=deg/s" in line for line in result.warnings)
 
 
-def test_the_loss_looks_away_from_outliers_that_stand_alone_only():
+def test_the_loss_ignores_isolated_outliers_only():
     rng = np.random.default_rng(1)
     noisy = TORQUE + 0.1 * rng.normal(size=1000)
     spikes = np.where(np.arange(1000) % 97 == 5, 20.0, 0.0)
@@ -131,7 +131,7 @@ def test_the_loss_looks_away_from_outliers_that_stand_alone_only():
 
 
 @pytest.mark.parametrize("stiffness", [300.0, 2000.0])
-def test_a_soft_stop_is_found_and_a_mere_slowing_down_is_not(stiffness):
+def test_a_soft_stop_is_detected_and_a_deceleration_is_not(stiffness):
     time = np.arange(300) * 0.01
     speed = np.where(time < 2.0, 0.5 * (1.0 - np.exp(-time / 0.3)), 0.5 * np.exp(-(time - 2.0) / 0.15))
     angle = np.cumsum(speed) * 0.01
@@ -145,7 +145,7 @@ def test_a_soft_stop_is_found_and_a_mere_slowing_down_is_not(stiffness):
     assert not found[angle < touched - 0.02].any()
 
 
-def test_intervals_of_one_file_bear_draws_that_miss_the_slow_samples(tmp_path):
+def test_bootstrap_of_one_file_accepts_draws_without_slow_samples(tmp_path):
     # Two seconds pass the slow speeds a few times only: some of the draws of stretches miss them all.
     rng, time = np.random.default_rng(0), 0.001 * np.arange(2000)
     velocity = 1.5 * np.sin(0.8 * math.pi * time) + 0.5 * np.sin(0.074 * math.pi * time)
@@ -161,7 +161,7 @@ def test_intervals_of_one_file_bear_draws_that_miss_the_slow_samples(tmp_path):
         assert high - low < 4.0 * 2.0 * 1.96 * standard[name], name
 
 
-def test_more_samples_than_are_used_are_taken_evenly(tmp_path, monkeypatch):
+def test_excess_samples_are_thinned_evenly(tmp_path, monkeypatch):
     monkeypatch.setattr(identify, "MAX_SAMPLES", 300)
     found = identified(tmp_path / "a.csv", text_of())
     assert_allclose(found.samples.velocity, VELOCITY[::4], atol=1e-8)

@@ -93,16 +93,16 @@ def friction_tests(
     rng = np.random.default_rng(seed)
     time = np.arange(length) / 100.0
     found = []
-    for place in range(number):
-        speed = top * (place + 1) / number
-        velocity = speed * np.sin(2 * np.pi * (0.4 + 0.03 * place) * time + rng.uniform(0, 6))
+    for index in range(number):
+        speed = top * (index + 1) / number
+        velocity = speed * np.sin(2 * np.pi * (0.4 + 0.03 * index) * time + rng.uniform(0, 6))
         torque = law(velocity) + noise * rng.normal(size=length) + spread * rng.normal()
-        found.append(FrictionTest(f"test {place}", velocity, torque, np.ones(length, dtype=bool), time=time))
+        found.append(FrictionTest(f"test {index}", velocity, torque, np.ones(length, dtype=bool), time=time))
     return found
 
 
 @pytest.mark.parametrize("name", NIST)
-def test_nist_reference_problems_come_out_to_six_digits(name):
+def test_nist_reference_problems_are_solved_to_six_digits(name):
     law, x, y, certified, deviations, sse = NIST[name]
     model = FrictionModel(
         name=name,
@@ -158,7 +158,7 @@ def _threshold_of_minimum(fit: Fit, samples) -> float:
 
 
 @pytest.mark.parametrize("law", [KNEE, HIP])
-def test_table_3_1_comes_back_without_noise(law):
+def test_table_3_1_is_recovered_without_noise(law):
     samples = join_tests(friction_tests(lambda w: rotational(w, law), 1, noise=0.0))
     fit = fit_model(MODELS["rotational"], samples, FitOptions())
     found = fit.model.parameters(fit.x)
@@ -166,7 +166,7 @@ def test_table_3_1_comes_back_without_noise(law):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_every_model_comes_back_from_its_own_noisy_data(name):
+def test_every_model_is_recovered_from_its_own_noisy_data(name):
     """The error of the fit is that of the truth, which means that no start was missed."""
     model, rng = MODELS[name], np.random.default_rng(2)
     tests = [
@@ -248,7 +248,7 @@ def test_refining_never_raises_the_loss():
         assert np.sum(huber(0.5, samples.torque - model.predict(end, samples))) <= before
 
 
-def test_goodness_is_what_the_formulas_say():
+def test_goodness_of_fit_equals_its_formulas():
     measured, left = np.array([1.0, 2.0, 4.0, 5.0]), np.array([0.5, -0.5, 0.5, -0.5])
     found = goodness(measured, left, 2)
     assert (found.sse, found.rmse, found.residual_standard_error) == (1.0, 0.5, math.sqrt(0.5))
@@ -304,7 +304,7 @@ def test_intervals_that_ignore_the_tests_are_too_short():
     assert (high - low) / 4 > 5 * known.standard_errors["offset_Nm"]
 
 
-def test_parameters_that_the_samples_do_not_determine_are_said_to_be_so():
+def test_undetermined_parameters_are_reported():
     velocity = np.linspace(1.0, 2.0, 200)
     torque = 3 + 2 * velocity + 0.1 * np.random.default_rng(0).normal(size=200)
     test = FrictionTest("fast", velocity, torque, np.ones(200, dtype=bool))
@@ -316,7 +316,7 @@ def test_parameters_that_the_samples_do_not_determine_are_said_to_be_so():
     assert "not determined" in warned or "uncertain" in warned or "bound" in warned
 
 
-def test_slow_samples_are_missed_from_above_and_fast_ones_from_below():
+def test_missing_slow_and_fast_samples_are_reported_by_their_limits():
     slow = friction_tests(lambda w: 3 * np.tanh(40 * w) + 2 * w, 1, top=0.3)
     warnings = " ".join(
         identify_tests(slow, IdentificationOptions(models=("coulomb_viscous_tanh",))).warnings
@@ -374,7 +374,7 @@ def slow_lugre(number: int, rng: np.random.Generator) -> FrictionTest:
     return FrictionTest(str(number), velocity, torque, np.ones(seen, dtype=bool), time=time[::10])
 
 
-def test_the_best_model_is_no_worse_than_those_of_the_literature_on_slow_hysteresis():
+def test_the_best_model_is_at_least_as_good_as_the_literature_on_slow_hysteresis():
     rng = np.random.default_rng(3)
     tests = [slow_lugre(number, rng) for number in range(3)]
     published = ("coulomb_viscous", "stribeck", "dahl", "lugre")
@@ -389,7 +389,7 @@ def test_the_best_model_is_no_worse_than_those_of_the_literature_on_slow_hystere
     assert found["stribeck"].goodness.rmse > 1.5 * best.goodness.rmse
 
 
-def test_a_torque_that_opposes_the_velocity_is_turned_and_said_to_be():
+def test_a_torque_that_opposes_the_velocity_is_negated_and_reported():
     tests = [
         replace(test, torque=-test.torque) for test in friction_tests(lambda w: 3 * np.sign(w) + 2 * w, 2)
     ]
@@ -397,10 +397,10 @@ def test_a_torque_that_opposes_the_velocity_is_turned_and_said_to_be():
     assert_allclose(
         list(result.models[0].fit.model.parameters(result.models[0].fit.x).values()), [3, 2], rtol=0.02
     )
-    assert any("opposes the velocity" in line for line in result.warnings)
+    assert any("opposite sign of the velocity" in line for line in result.warnings)
 
 
-def test_models_without_their_columns_are_skipped_and_one_asked_for_is_refused():
+def test_models_without_their_columns_are_skipped_and_a_requested_one_is_refused():
     tests = friction_tests(lambda w: 3 * np.sign(w) + 2 * w, 2)
     result = identify_tests(tests, IdentificationOptions(models=("coulomb_viscous", "load_dependent")))
     assert result.skipped == {"load_dependent": ("load",)}

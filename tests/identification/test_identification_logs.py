@@ -63,7 +63,7 @@ def quiet(motion, mass: float = 2.0) -> dict[str, np.ndarray]:
     return bench_log(motion, mass, KNEE, np.random.default_rng(0), noise=QUIET)
 
 
-def test_balance_of_torques_gives_back_the_friction_of_the_bench():
+def test_torque_balance_recovers_the_friction_of_the_bench():
     test = process_log(as_log(quiet(swing(TIME, 0.6, 3.0, 0.4))), BENCH)
     expected = rotational(test.velocity, KNEE)
     assert test.used.sum() > 400
@@ -71,7 +71,7 @@ def test_balance_of_torques_gives_back_the_friction_of_the_bench():
     assert_allclose(test.load, 2.0 * GRAVITY * LEVER * np.cos(test.angle - math.pi / 2), atol=1e-3)
 
 
-def test_printed_load_angle_and_printed_inertia_are_wrong_by_what_the_formulas_say():
+def test_printed_load_angle_and_inertia_have_the_predicted_error():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
     right = process_log(as_log(columns), BENCH)
     printed = process_log(
@@ -146,7 +146,7 @@ def test_the_thesis_pipeline_finds_the_same_stops_and_is_biased_by_its_late_velo
     assert errors[Processing.THESIS] > 0.2
 
 
-def test_stand_still_without_an_impact_is_counted_as_such():
+def test_standstill_without_an_impact_is_counted_separately():
     angle, velocity, acceleration = swing(TIME, 0.4, 3.0, -math.pi / 2)
     pause = np.concatenate([np.full(2000, angle[0]), angle])
     still = np.zeros(2000)
@@ -155,7 +155,7 @@ def test_stand_still_without_an_impact_is_counted_as_such():
     assert 170 <= test.counts["standstill"] <= 230
 
 
-def test_the_thesis_takes_the_target_current_and_zero_phase_the_measured_one_where_there_is_one():
+def test_the_thesis_uses_the_target_current_and_zero_phase_the_measured_one_if_logged():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
     columns["target_current_A"] = columns["target_current_A"] + 0.1
     measured = process_log(as_log(columns), BENCH)
@@ -183,7 +183,7 @@ def test_the_thesis_pipeline_is_biased_and_zero_phase_is_not():
     assert errors[Processing.THESIS] > 0.02
 
 
-def test_a_campaign_of_files_gives_table_3_1_back(tmp_path):
+def test_a_campaign_of_files_recovers_table_3_1(tmp_path):
     paths = [
         write_log(tmp_path / f"knee_{mass:g}kg_{number}.log", columns)
         for number, (mass, columns) in enumerate(campaign(2, tests=3, duration=4.0))
@@ -217,15 +217,15 @@ def misread(signs: dict[str, float], shift: float = 0.0, lever: float = LEVER):
 @pytest.mark.parametrize(
     ("degrees", "lever"), [(20.0, LEVER), (-30.0, LEVER), (0.0, 0.8 * LEVER), (0.0, 1.4 * LEVER)]
 )
-def test_a_load_that_the_current_does_not_bear_is_told_with_its_size_and_angle(degrees, lever):
-    told = misread({}, math.radians(degrees), lever)
-    gain, tilt = re.search(r"is ([\d.]+) times.*angle ([+-]\d+)°", told).groups()
+def test_a_load_that_contradicts_the_current_is_reported_with_its_size_and_angle(degrees, lever):
+    message = misread({}, math.radians(degrees), lever)
+    gain, tilt = re.search(r"is ([\d.]+) times.*angle ([+-]\d+)°", message).groups()
     # A wrong lever is also a wrong inertia, which looks like a few degrees.
     assert float(gain) == pytest.approx(LEVER / lever, abs=0.02 if lever == LEVER else 0.06)
     assert float(tilt) == pytest.approx(degrees, abs=1.0 if lever == LEVER else 12.0)
 
 
-def test_a_load_that_is_about_right_is_not_doubted():
+def test_an_approximately_correct_load_causes_no_warning():
     assert misread({}) is None
     assert misread({}, math.radians(3.0), 1.05 * LEVER) is None
 
@@ -244,7 +244,7 @@ def test_a_load_that_is_about_right_is_not_doubted():
         ),
     ],
 )
-def test_a_wrong_sign_is_refused_and_not_turned_into_friction(turned, message):
+def test_a_wrong_sign_is_refused_and_not_fitted_as_friction(turned, message):
     with raises(ParameterError, *message):
         misread(dict.fromkeys(turned, -1.0))
 
@@ -269,7 +269,7 @@ NAMED = ColumnOptions(names={Quantity.TIME: "t", Quantity.VELOCITY: "dq2", Quant
         SERIES + "\n\n",
     ],
 )
-def test_a_series_is_read_whatever_its_separator(tmp_path, text):
+def test_a_series_is_read_with_any_separator(tmp_path, text):
     path = tmp_path / "series.csv"
     path.write_text(text, encoding="utf-8")
     log = read_log(path, NAMED)
@@ -292,7 +292,7 @@ def test_units_come_from_the_name_the_brackets_or_the_user(tmp_path):
         read_log(path, ColumnOptions(units={Quantity.VELOCITY: "furlong"}))
 
 
-def test_a_column_that_is_asked_for_is_not_found_for_another_quantity(tmp_path):
+def test_a_requested_column_is_not_used_for_another_quantity(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("time_s,measured_current_A,target_current_A\n" + "\n".join(f"{i},1,2" for i in range(30)))
     log = read_log(path, ColumnOptions(names={Quantity.MEASURED_CURRENT: "target_current_A"}))
@@ -300,7 +300,7 @@ def test_a_column_that_is_asked_for_is_not_found_for_another_quantity(tmp_path):
     assert (log.columns[Quantity.MEASURED_CURRENT] == 2.0).all()
 
 
-def test_a_file_without_names_has_numbered_columns_and_a_minus_turns_the_sign(tmp_path):
+def test_a_file_without_names_has_numbered_columns_and_a_minus_negates(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("\n".join(f"{math.sin(i)} {-3 * math.sin(i)}" for i in range(30)))
     log = read_log(path, ColumnOptions(names={Quantity.VELOCITY: "1", Quantity.FRICTION_TORQUE: "-2"}))
@@ -382,7 +382,7 @@ def test_gaps_duplicates_and_nan_do_not_change_the_friction():
     assert np.abs(test.torque - expected)[test.used].max() < 0.1
 
 
-def test_rows_that_are_missing_here_and_there_cost_no_samples():
+def test_single_missing_rows_lose_no_samples():
     whole = process_log(as_log(SWING), BENCH)
     holed = {name: values.copy() for name, values in SWING.items()}
     missing = np.random.default_rng(0).choice(5000, 100, replace=False)
@@ -394,7 +394,7 @@ def test_rows_that_are_missing_here_and_there_cost_no_samples():
     assert np.abs(test.torque - whole.torque)[both].max() < 0.02
 
 
-def test_what_took_the_samples_is_told():
+def test_reasons_for_rejected_samples_are_reported():
     noisy = dict(SWING, position_rad=SWING["position_rad"] + np.random.default_rng(0).normal(0.0, 2e-3, 5000))
     options = IdentificationOptions(bench=BENCH, models=("coulomb_viscous",))
     with raises(ParameterError, 0, 500, "495 by stop", "0 by standstill", "0 by reversal", "5 by edge"):
@@ -434,7 +434,7 @@ def test_a_constant_column_is_refused(column):
         ("velocity,friction_torque\n1,2,3\n4,5,6,7\n", ("line 2", "2", "3")),
     ],
 )
-def test_a_malformed_file_is_one_clear_line(tmp_path, text, message):
+def test_a_malformed_file_is_refused_in_one_line(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text)
     columns = ColumnOptions(names={Quantity.VELOCITY: "velocity"} if "velocity,velocity" in text else {})

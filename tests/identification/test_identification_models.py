@@ -50,7 +50,7 @@ def vector(name: str, seed: int, rows: Samples) -> np.ndarray:
     return x
 
 
-def test_rotational_law_is_that_of_the_plant():
+def test_rotational_law_equals_the_law_of_the_plant():
     expected = [rotational_friction_torque(w, 1.743, 3.193, 0.2031, 2.06) for w in SPEEDS]
     assert_allclose(
         array_laws.two_velocity_torque(SPEEDS, 1.743, 3.193, 2.06, 0.2031, 0.02031),
@@ -83,7 +83,7 @@ def test_stribeck_runs_from_breakaway_to_coulomb_friction():
     assert_allclose(torque, [3.0, 2.0 + math.exp(-1.0), 2.0], rtol=1e-9)
 
 
-def test_old_model_of_twin_at_one_over_forty_is_tanh_of_one():
+def test_old_model_of_twin_at_one_fortieth_equals_tanh_of_one():
     assert_allclose(
         array_laws.coulomb_viscous_tanh_torque(np.array([1 / 40]), 3.0, 2.0, 40.0),
         3.0 * math.tanh(1.0) + 0.05,
@@ -155,20 +155,20 @@ def test_dahl_loop_of_small_motion_is_the_closed_form():
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_derivative_of_every_model_is_that_of_finite_differences(name):
+def test_derivative_of_every_model_equals_finite_differences(name):
     """Five-point differences of the prediction, a step and an order apart from the fitter's own."""
     rows, model = samples(), MODELS[name]
     x = vector(name, 3, rows)
     matrix = model.jacobian(x, rows)
-    for place in range(model.size):
+    for index in range(model.size):
         step = np.zeros(model.size)
-        step[place] = h = 1e-3
+        step[index] = h = 1e-3
 
         def at(k, step=step):
             return model.predict(x + k * step, rows)
 
         expected = (at(-2) - 8 * at(-1) + 8 * at(1) - at(2)) / (12 * h)
-        assert_allclose(matrix[:, place], expected, atol=2e-5 * max(1.0, np.abs(expected).max()))
+        assert_allclose(matrix[:, index], expected, atol=2e-5 * max(1.0, np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -181,7 +181,7 @@ def test_every_model_is_linear_in_its_coefficients(name):
         assert not model.constant(eta, rows).any()
 
 
-def test_a_bent_start_decays_with_the_way_as_the_differential_equation_says():
+def test_an_initial_deflection_decays_as_the_differential_equation_predicts():
     time = np.arange(300) * 0.002
     w = 0.05 * np.cos(9 * time)
     level, fresh = np.full(300, 2.0), time < 0.001
@@ -230,7 +230,7 @@ def test_coulomb_viscous_friction_is_odd():
 
 
 @pytest.mark.parametrize("name", PARAMETER_FILES[PLANT_FILE])
-def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name):
+def test_a_plant_with_an_identified_law_has_the_identified_torque(name):
     """Sample by sample, bristles bent by the way from each to the next."""
     rows, model = samples(), MODELS[name]
     x = np.abs(vector(name, 4, rows))  # no negative friction

@@ -53,7 +53,7 @@ sexes = st.sampled_from(list(Sex))
 
 
 @pytest.mark.parametrize(("sex", "name"), list(DE_LEVA), ids=str)
-def test_segments_are_those_of_de_leva(sex: Sex, name: str) -> None:
+def test_segments_equal_de_leva(sex: Sex, name: str) -> None:
     segment = SEGMENTS[sex][name]
     shares = (
         segment.mass,
@@ -65,7 +65,7 @@ def test_segments_are_those_of_de_leva(sex: Sex, name: str) -> None:
 
 
 @pytest.mark.parametrize("sex", list(Sex))
-def test_trunk_weighs_what_the_table_gives_to_head_arms_and_trunk(sex: Sex) -> None:
+def test_trunk_mass_equals_head_arms_and_trunk_of_the_table(sex: Sex) -> None:
     head, trunk, upper_arm, forearm, hand = DE_LEVA_REST[sex]
     expected = (head + trunk + 2.0 * (upper_arm + forearm + hand)) / 100.0
     # The table sums to 100 % within the rounding of its entries.
@@ -84,7 +84,7 @@ def of_winter(mass: float = 70.0, height: float = 1.75, sex: Sex = Sex.MALE) -> 
     return Patient(mass=mass, height=height, sex=sex, segment_model=SegmentModel.WINTER)
 
 
-def test_segments_are_those_of_de_leva_unless_one_asks_for_those_of_winter() -> None:
+def test_segments_are_from_de_leva_by_default_and_from_winter_on_request() -> None:
     for sex in Sex:
         assert wearer_segments(Patient(sex=sex)) == SEGMENTS[sex]
         assert {name: item.mass for name, item in wearer_segments(of_winter(sex=sex)).items()} == {
@@ -92,7 +92,7 @@ def test_segments_are_those_of_de_leva_unless_one_asks_for_those_of_winter() -> 
         }
 
 
-def test_a_leg_of_winter_weighs_what_his_table_gives_to_legs_and_trunk() -> None:
+def test_masses_of_winter_equal_legs_and_trunk_of_his_table() -> None:
     segments = wearer_segments(of_winter())
     assert_allclose(sum(item.mass for item in segments.values()), WINTER_TOTAL_LEG, rtol=1e-12)
     assert_allclose(segments["shank"].mass + segments["foot"].mass, WINTER_FOOT_AND_SHANK, rtol=1e-12)
@@ -100,7 +100,7 @@ def test_a_leg_of_winter_weighs_what_his_table_gives_to_legs_and_trunk() -> None
 
 
 @pytest.mark.parametrize("name", list(WINTER))
-def test_inertia_about_either_end_is_that_of_winter(name: str) -> None:
+def test_inertia_about_either_end_equals_winter(name: str) -> None:
     """The table gives radii of gyration about both ends; ours come from the one about the centre."""
     _, share, _, proximal, distal = WINTER[name]
     segment = wearer_segments(of_winter())[name]
@@ -110,7 +110,7 @@ def test_inertia_about_either_end_is_that_of_winter(name: str) -> None:
         assert_allclose(np.hypot(segment.transverse_radius, from_end), radius, atol=1.1e-3)
 
 
-def test_thigh_and_shank_of_winter_are_those_of_gait2d() -> None:
+def test_thigh_and_shank_of_winter_equal_gait2d() -> None:
     """Constants of gait2d (van den Bogert; 75 kg, 1.80 m): mass, inertia and distance of the centre."""
     for name, length, expected in (
         ("thigh", 0.4410, (7.5, 0.1522, 0.1910)),
@@ -132,7 +132,7 @@ def test_foot_of_winter_hangs_between_ankle_and_second_metatarsal() -> None:
 
 
 def test_male_thigh_of_a_70_kg_wearer_by_hand() -> None:
-    """0.1416 · 70 = 9.912 kg at 0.4095 · 0.42 m; m (0.329 · 0.42)² = 0.18926 and m (0.149 · 0.42)² kg m²."""
+    """0.1416 · 70 = 9.912 kg at 0.4095 · 0.42 m; m (0.329 · 0.42)² = 0.18926 and m (0.149 · 0.42)² kg·m²."""
     mass, centre, inertia = segment_inertia(SEGMENTS[Sex.MALE]["thigh"], 70.0, np.array([0.0, 0.0, -0.42]))
     assert_allclose(mass, 9.912, rtol=1e-12)
     assert_allclose(centre, [0.0, 0.0, -0.17199], rtol=1e-12)
@@ -144,7 +144,7 @@ axes = st.tuples(*[st.floats(-0.5, 0.5)] * 3).map(np.array).filter(lambda axis: 
 
 
 @given(axis=axes)
-def test_inertia_belongs_to_the_segment_and_not_to_its_direction(axis: np.ndarray) -> None:
+def test_inertia_does_not_depend_on_the_direction_of_the_segment(axis: np.ndarray) -> None:
     """Principal inertias: twice the transverse one and the longitudinal one along the axis."""
     segment = Segment(mass=0.1, centre_of_mass=0.4, transverse_radius=0.3, longitudinal_radius=0.1)
     mass, centre, inertia = segment_inertia(segment, 70.0, axis)

@@ -175,7 +175,7 @@ def test_power_of_the_torques_is_the_rate_of_the_energy(bench: LegModel) -> None
     assert_allclose((energy(h) - energy(-h)) / (2.0 * h), tau @ v, rtol=1e-5)
 
 
-def test_effective_inertia_is_what_a_torque_accelerates_with_all_other_joints_held(
+def test_effective_inertia_relates_torque_to_acceleration_with_other_joints_held(
     model: LegModel, rng: np.random.Generator
 ) -> None:
     for q, _, _ in postures(model, rng, 2):
@@ -231,7 +231,7 @@ def test_gravity_is_a_parameter(tmp_path: Path) -> None:
 
 
 def test_armature_acts_on_hip_and_knee_only(both_legs: dict[Side, LegJoints], twin: LegModel) -> None:
-    """3.342 kg m²: rotor 3.06e-4 and wave generator 0.282e-4 kg m² through 100:1."""
+    """3.342 kg·m²: rotor 3.06e-4 and wave generator 0.282e-4 kg·m² through 100:1."""
     bare = LegModel("twin.urdf", both_legs)
     q = np.linspace(-0.4, 0.6, twin.nv)
     expected = np.zeros(twin.nv)
@@ -278,7 +278,7 @@ def test_pelvis_carries_everything(worn_twin: LegModel) -> None:
     assert_allclose(difference, [0.0, 0.0, 0.25], atol=1e-12)
 
 
-def test_limits_are_those_of_the_urdf(bench: LegModel, tmp_path: Path) -> None:
+def test_limits_equal_the_limits_of_the_urdf(bench: LegModel, tmp_path: Path) -> None:
     model = pendulum(tmp_path)
     assert model.position_limits(Side.RIGHT, JointName.KNEE) == (-1.0, 2.0)
     lower, upper = bench.position_limits(Side.RIGHT, JointName.HIP)
@@ -292,7 +292,7 @@ def test_joint_or_leg_that_is_not_there_is_named(bench: LegModel) -> None:
         bench.index(Side.LEFT, JointName.HIP)
 
 
-def test_words_stand_for_pelvis_and_bodies(both_legs: dict[Side, LegJoints]) -> None:
+def test_words_select_pelvis_and_bodies(both_legs: dict[Side, LegJoints]) -> None:
     with raises(ValueError, "floating", "PelvisGuide"):
         LegModel("twin.urdf", both_legs, pelvis="floating")  # type: ignore[arg-type]
     words: Any = {"pelvis": "vertical", "bodies": "wearer"}
@@ -300,7 +300,7 @@ def test_words_stand_for_pelvis_and_bodies(both_legs: dict[Side, LegJoints]) -> 
     assert wearer.pelvis is PelvisGuide.VERTICAL and wearer.total_mass == pytest.approx(70.0)
 
 
-def test_unknown_frame_lists_those_there_are(bench: LegModel) -> None:
+def test_unknown_frame_lists_the_frames(bench: LegModel) -> None:
     with raises(ModelError, "right_thigh"):
         bench.frame_position(np.zeros(2), "right_little_toe")
 
@@ -357,7 +357,7 @@ def test_feet_as_they_are_drawn_fit_a_wearer_of_175_cm_to_the_bit(
 
 
 def test_plate_of_a_longer_foot_has_its_mass_farther_out(both_legs: dict[Side, LegJoints]) -> None:
-    """0.6 kg, centre 0.05 m ahead of the ankle and 0.065 m below, 0.0034 kg m² about it, at 1.75 m."""
+    """0.6 kg, centre 0.05 m ahead of the ankle and 0.065 m below, 0.0034 kg·m² about it, at 1.75 m."""
     model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.925), bodies=BodySelection.DEVICE).model
     plate = model.inertias[model.getJointId("left_ankle")]
     assert plate.mass == 0.6
@@ -451,9 +451,7 @@ def test_continuous_joint_without_a_limit_element_is_read(tmp_path: Path) -> Non
     assert pendulum(tmp_path, text=text).nv == 2
 
 
-def test_joints_that_are_not_asked_for_are_locked_at_zero(
-    both_legs: dict[Side, LegJoints], twin: LegModel
-) -> None:
+def test_unrequested_joints_are_locked_at_zero(both_legs: dict[Side, LegJoints], twin: LegModel) -> None:
     """One leg without its ankle out of the whole device: the rest hangs stiffly."""
     one = LegModel("twin.urdf", {Side.RIGHT: twin_joints(Side.RIGHT, foot=False)})
     assert one.nv == 2
@@ -466,7 +464,7 @@ def test_joints_that_are_not_asked_for_are_locked_at_zero(
     assert_allclose(one.mass_matrix(np.array([0.4, 0.7])), expected, rtol=1e-12)
 
 
-def test_model_whose_vertical_is_y_feels_the_same_gravity(tmp_path: Path) -> None:
+def test_model_with_vertical_y_has_the_same_gravity(tmp_path: Path) -> None:
     """The pendulum with its axes renamed x→x, z→y, y→−z."""
     turned = PENDULUM.format(kind="revolute", knee=-0.4)
     for old, new in (
@@ -514,14 +512,14 @@ def test_missing_file_is_named_with_the_packaged_ones(tmp_path: Path) -> None:
     ],
     ids=["empty", "cut off", "text", "binary", "other XML", "no link", "no joint"],
 )
-def test_file_that_is_no_robot_is_refused(content: bytes, explained: str, tmp_path: Path) -> None:
+def test_file_without_a_robot_is_refused(content: bytes, explained: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.urdf"
     path.write_bytes(content)
     refused(path, explained)
 
 
 MISFITS = {
-    "joint": ('<joint name="knee"', '<joint name="elbow"', "no joint 'knee' for the right knee; it has hip"),
+    "joint": ('<joint name="knee"', '<joint name="elbow"', "no joint 'knee' for the right knee; the file has hip"),
     "link": ('<link name="sole"/>', '<link name="tip"/>', "child link [sole] of joint"),
     "child": ('<child link="thigh"/>', "", "missing a parent and/or child link"),
     "no limit": (
@@ -534,7 +532,7 @@ MISFITS = {
     "degrees": (
         'lower="-1" upper="2"',
         'lower="-4" upper="120"',
-        "can turn by 120 rad; expected radians in its <limit>, and a joint",
+        "can turn by 120 rad; expected radians in its <limit>, and the type",
     ),
     "no range": ('lower="-1" upper="2" ', "", "can turn from 0 to 0 rad; expected lower"),
     "kind": ('type="revolute"', 'type="hinge"', "has no known type [hinge]"),
@@ -577,21 +575,21 @@ CHAINS = {
     "a joint twice": ({"knee": "left_hip"}, "joint 'left_hip' is both left hip and left knee"),
     "a leg upside down": (
         {"hip": "left_knee", "knee": "left_hip"},
-        "joint 'left_hip' of the left knee does not hang on 'left_knee'; from the root on it has left_hip",
+        "joint 'left_hip' of the left knee is not below 'left_knee'; the joints above it are left_hip",
     ),
     "the other leg's": (
         {"knee": "right_knee"},
-        "on 'left_hip'; from the root on it has right_hip, ",
+        "below 'left_hip'; the joints above it are right_hip, ",
     ),
     "the other foot": (
         {"contact_frames": ("left_heel", "right_toe")},
-        "frame 'right_toe' of the left foot does not hang on 'left_ankle'",
+        "frame 'right_toe' of the left foot is not below 'left_ankle'",
     ),
 }
 
 
 @pytest.mark.parametrize(("names", "explained"), CHAINS.values(), ids=list(CHAINS))
-def test_legs_whose_parts_do_not_hang_together_are_refused(names: dict[str, Any], explained: str) -> None:
+def test_legs_with_disconnected_parts_are_refused(names: dict[str, Any], explained: str) -> None:
     refused("twin.urdf", explained, legs={Side.LEFT: replace(twin_joints(Side.LEFT), **names)})
 
 
@@ -618,7 +616,7 @@ def test_packaged_urdfs_are_found_by_name() -> None:
         packaged_urdf("nao.urdf")
 
 
-def test_hash_tells_edited_urdfs_apart(tmp_path: Path, bench: LegModel) -> None:
+def test_hash_distinguishes_edited_urdfs(tmp_path: Path, bench: LegModel) -> None:
     copy = tmp_path / "copy.urdf"
     copy.write_bytes(packaged_urdf("twin_leg.urdf").read_bytes())
     assert urdf_hash(copy) == urdf_hash(bench.urdf_path)

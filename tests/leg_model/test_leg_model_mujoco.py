@@ -76,7 +76,7 @@ def test_worn_and_fitted_device_has_the_dynamics_that_mujoco_finds(
     compare(model, mujoco_legs_of(model, patient), rng)
 
 
-def test_the_comparison_would_notice_another_wearer(rng: np.random.Generator) -> None:
+def test_the_comparison_detects_another_wearer(rng: np.random.Generator) -> None:
     """It is not blind: a wearer who is 1 kg heavier is found out."""
     model = LegModel("twin.urdf", legs_of("twin.urdf"), patient=Patient(mass=71.0), armature=ARMATURE)
     with pytest.raises(AssertionError):
@@ -84,7 +84,7 @@ def test_the_comparison_would_notice_another_wearer(rng: np.random.Generator) ->
 
 
 @pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
-def test_free_motion_is_that_of_mujoco(name: str, rng: np.random.Generator) -> None:
+def test_free_motion_equals_mujoco(name: str, rng: np.random.Generator) -> None:
     """Half a second of free fall at 1 ms: MuJoCo's Euler method is the semi-implicit one."""
     patient = Patient()
     model = LegModel(name, legs_of(name), patient=patient, armature=ARMATURE)

@@ -79,7 +79,7 @@ def test_content_that_the_dynamics_do_not_need_changes_nothing(
     assert_array_equal(leg_of(path, content).gravity_torque(POSTURE), plain_torque)
 
 
-def test_a_reversed_joint_is_found_beside_a_transmission_of_its_name(
+def test_a_reversed_joint_is_found_next_to_a_transmission_of_its_name(
     path: Path, plain_torque: np.ndarray
 ) -> None:
     content = leg_text(more=TRANSMISSION).replace('<axis xyz="0 1 0"/>', '<axis xyz="0 -1 0"/>')
@@ -124,8 +124,8 @@ def test_a_link_with_two_parents_is_named_with_both_joints(path: Path) -> None:
         ),
         ('<mass value="3"/>', '<mass value="3000"/>', "a mass of 3000 kg; expected at most 100 kg"),
         ('ixx="0.03"', 'ixx="300"', "radius of gyration of at most 1 m"),
-        ('izz="0.002"', 'izz="0.2"', "0.03, 0.03, 0.2 kg m²; none is below 0, and none of a rigid body"),
-        ('ixy="0"', 'ixy="0.05"', "-0.02, 0.002, 0.08 kg m²; none is below 0"),
+        ('izz="0.002"', 'izz="0.2"', "0.03, 0.03, 0.2 kg·m²; none is below 0, and none of a rigid body"),
+        ('ixy="0"', 'ixy="0.05"', "-0.02, 0.002, 0.08 kg·m²; none is below 0"),
         ('ixx="0.03"', 'ixx="1e308"', "link 'pelvis': inertia ixx: expected at most 1e+06 in SI units"),
         (
             '<origin xyz="0 0 -0.4"/>',
@@ -140,7 +140,7 @@ def test_a_leg_that_cannot_be_one_is_refused(old: str, new: str, explained: str,
     refused(path, leg_text().replace(old, new), explained)
 
 
-def test_digits_that_a_drawing_program_left_out_are_no_impossible_inertia(path: Path) -> None:
+def test_rounded_digits_of_a_drawing_program_are_accepted_as_inertia(path: Path) -> None:
     rod = leg_text().replace('izz="0.002"', 'izz="0"').replace('iyy="0.03"', 'iyy="0.0302"')
     assert leg_of(path, rod).total_mass == 9.0
 
@@ -183,9 +183,9 @@ def test_couplings_are_read_with_their_defaults_and_must_end_somewhere(path: Pat
 
 def test_friction_and_armature_of_the_file_are_named_as_unused(path: Path, plain_torque: np.ndarray) -> None:
     content = leg_text(hip='<dynamics armature="0.01"/>', knee='<dynamics damping="0" friction="0.0"/>')
-    with warns(UrdfWarning, "hip", "0.01") as told:
+    with warns(UrdfWarning, "hip", "0.01") as issued:
         model = leg_of(path, content)
-    assert len(told) == 1  # nothing is lost with the zeros of the knee
+    assert len(issued) == 1  # nothing is lost with the zeros of the knee
     assert_array_equal(model.gravity_torque(POSTURE), plain_torque)
 
 

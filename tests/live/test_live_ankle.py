@@ -51,8 +51,8 @@ def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: ControlP
 @pytest.mark.slow
 def test_the_monitor_drives_the_ankle(panel: ControlPanel) -> None:
     driving = panel.set(panel.preset, "mode", "torque_control")
-    asked = panel.set(driving, "monitor.right.ankle.torque", -3.0)
-    assert loop_numbers(asked)["target_torque"] == [0.0] * 5 + [-3.0]
+    settings = panel.set(driving, "monitor.right.ankle.torque", -3.0)
+    assert loop_numbers(settings)["target_torque"] == [0.0] * 5 + [-3.0]
     loose = panel.set(panel.preset, "monitor.left.ankle.damping", 0.0)
     assert loose.monitor[Side.LEFT].joints["ankle"].damping == 0.0
     assert find_errors(panel.preset) == {}
@@ -60,11 +60,11 @@ def test_the_monitor_drives_the_ankle(panel: ControlPanel) -> None:
 
 @pytest.mark.slow
 def test_a_push_on_the_ankle_moves_it(panel: ControlPanel) -> None:
-    asked = DoAction(action="push", values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
-    values = action_values(action_specs(panel.problem), asked)
+    message = DoAction(action="push", values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
+    values = action_values(action_specs(panel.problem), message)
     assert (panel.problem.joints[2].side, panel.problem.joints[2].joint) == ("left", "ankle")
     pushed, free = SteppedRun(panel.problem), SteppedRun(panel.problem)
     pushed.push(2, float(values["torque"]), 100)
-    place = pushed.layout.names.index("left_ankle_angle_rad")
-    first, second = (run.advance(100)[-1, place] for run in (pushed, free))
+    column = pushed.layout.names.index("left_ankle_angle_rad")
+    first, second = (run.advance(100)[-1, column] for run in (pushed, free))
     assert first > second + 0.01

@@ -1,4 +1,4 @@
-"""The live page in headless Chromium: what is set in the panel is in the log, what is wrong is refused."""
+"""Tests of the live page in headless Chromium: settings of the panel are in the log, errors are refused."""
 
 import contextlib
 import math
@@ -42,7 +42,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="playwright is no
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader"]  # fmt: skip
-OWN_WORDS = "GL Driver Message"  # what Chromium itself says of pictures that it takes
+OWN_WORDS = "GL Driver Message"  # message of Chromium about its own screenshots
 PATIENCE = 60.0  # [s]; machines that test are slow and busy
 SMALL = {"width": 480, "height": 420}  # without a graphics card a large picture takes a second to draw
 DEGREE = np.pi / 180.0
@@ -55,16 +55,16 @@ QUANTITIES = {
 }
 
 
-def until(true: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
+def until(true: Callable[[], Any], awaited: str, patience: float = PATIENCE) -> Any:
     end = time.monotonic() + patience
     while not (found := true()):
-        assert time.monotonic() < end, f"waited {patience:g} s in vain: {what}"
+        assert time.monotonic() < end, f"waited {patience:g} s in vain: {awaited}"
         time.sleep(0.05)
     return found
 
 
 class Walk:
-    """A ``twin-gait live`` that runs."""
+    """Running process of ``twin-gait live``."""
 
     def __init__(self, folder: Path, *words: str) -> None:
         self.folder = folder / "run"
@@ -105,10 +105,10 @@ class Walk:
 
 
 class Page:
-    """A page of a walk, and everything that it complained about or asked for."""
+    """Page of a walk with its console messages and network requests."""
 
-    def __init__(self, browser: Any, walk: Walk, *, draws: bool = True, asks: bool = False) -> None:
-        self.asks = asks  # for a forecast before a change
+    def __init__(self, browser: Any, walk: Walk, *, draws: bool = True, forecasts: bool = False) -> None:
+        self.forecasts = forecasts  # for a forecast before a change
         self.page = browser.new_page(viewport=SMALL)
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.walk = walk
@@ -116,7 +116,7 @@ class Page:
         self.foreign: list[str] = []
         self.page.on("console", self._note)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", self._asked)
+        self.page.on("request", self._on_request)
         self.open()
         if not draws:  # several pages without a graphics card would take the machine from the walk
             self.page.evaluate("twinGait.stage.viewer.renderer.render = () => {}; null")
@@ -125,14 +125,14 @@ class Page:
         if message.type in ("error", "warning") and OWN_WORDS not in message.text:
             self.complaints.append(message.text)
 
-    def _asked(self, request: Any) -> None:
+    def _on_request(self, request: Any) -> None:
         if not request.url.startswith((self.walk.home, "data:", "blob:")):
             self.foreign.append(request.url)
 
     def open(self) -> None:
         self.page.goto(self.walk.url)
         self.page.wait_for_selector(".control >> nth=0", state="attached")
-        self.page.locator("#panel-ask input").set_checked(self.asks)
+        self.page.locator("#panel-forecast-first input").set_checked(self.forecasts)
         until(lambda: self.clock() > 0.0, "the first frame")
 
     def tab(self, name: str) -> None:
@@ -150,18 +150,18 @@ class Page:
         return float(self.row(control).locator("input[type=number]").input_value())
 
     def settle(self) -> None:
-        """Wait until everything that was asked for is answered."""
+        """Wait until every request has a response."""
         until(lambda: self.page.locator(".pending").count() == 0, "the answers")
 
     def forecast(self) -> str:
-        """Wait for the forecast of the list of changes, and return what the page says of it."""
+        """Wait for the forecast of the list of changes, and return its text on the page."""
         apply = self.page.locator("[data-forecast=apply]")
         until(lambda: apply.count() and apply.is_enabled(), "the forecast")
         return str(self.page.locator("#panel-forecast").inner_text())
 
     def refusal(self, control: str) -> str:
         self.settle()
-        return self.row(control).locator(".refusal").inner_text()
+        return self.row(control).locator(".rejection").inner_text()
 
     def controls(self) -> dict[str, dict[str, Any]]:
         listed = self.page.evaluate("livePanel.board.state.controls")
@@ -184,7 +184,7 @@ class Page:
         return self.page.locator("#panel-log .what").all_inner_texts()
 
     def say(self, text: str) -> None:
-        """Send something that the panel itself never would."""
+        """Send a message that the panel itself never sends."""
         self.page.evaluate("text => livePanel.link.socket.send(text)", text)
 
     def close(self) -> None:
@@ -219,7 +219,7 @@ def page(browser: Any, treadmill: Walk) -> Iterator[Page]:
 
 
 def other_value(control: dict[str, Any]) -> float:
-    """A value a little off the present one, in range and on the grid of the control."""
+    """Return a value slightly different from the present one, in range and on the grid of the control."""
     step = control["step"]
     steps = round(0.02 * control["value"] / step) or 1
     if control["value"] + steps * step > control["largest"]:
@@ -235,7 +235,7 @@ def set_all(page: Page, controls: list[dict[str, Any]]) -> dict[str, float]:
         page.type(control["name"], wanted[control["name"]])
     page.settle()
     for name in wanted:
-        assert page.row(name).locator(".refusal").inner_text() == "", name
+        assert page.row(name).locator(".rejection").inner_text() == "", name
     return wanted
 
 
@@ -243,14 +243,14 @@ def drive(page: Page, mode: str) -> None:
     page.tab("monitor")
     page.row("mode").locator("select").select_option(mode)
     page.settle()
-    assert page.row("mode").locator(".refusal").inner_text() == ""
+    assert page.row("mode").locator(".rejection").inner_text() == ""
 
 
 @pytest.fixture(scope="module")
 def bench_session(
     browser: Any, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[dict[str, float], dict[str, float], pd.DataFrame, pd.DataFrame, list[dict[str, str]]]:
-    """What was typed into every control of table and monitor, and the logs of that session's two walks."""
+    """Return the values typed into every control of table and monitor, and the logs of the two walks."""
     walk = Walk(tmp_path_factory.mktemp("bench"), "bench_leg")
     page = Page(browser, walk)
     try:
@@ -286,12 +286,12 @@ def bench_session(
 
 
 def read_changes(walk: Walk) -> list[dict[str, Any]]:
-    """What was done to the walk: a time and, of changes, keys and values."""
+    """Return the events of the walk: time and, for changes, keys and values."""
     return yaml.safe_load((walk.folder / EXPERIMENT_FILE).read_text(encoding="utf-8"))["events"]
 
 
 def logged(log: pd.DataFrame, tick: int, name: str) -> tuple[float, float]:
-    """What the log has at a tick for a control, and the factor from its unit to SI."""
+    """Return the logged value of a control at a tick, and the factor from its unit to SI."""
     joint, quantity = name.split(".")[-2:]
     column, scale = QUANTITIES[quantity]
     return float(log[f"right_{joint}_{column}"].iloc[tick]), scale
@@ -310,13 +310,13 @@ def test_every_control_of_the_table_is_in_the_log_of_its_phase(bench_session) ->
 
 
 def begin_of(changes: list[dict[str, Any]], mode: str) -> int:
-    """Tick in which a mode was set."""
+    """Return the tick in which a mode was set."""
     times = (item["time_s"] for item in changes if item.get("set", {}).get("monitor.control") == mode)
     return round(1e3 * next(times))
 
 
 def in_force(changes: list[dict[str, Any]], mode: str) -> int:
-    """A tick at which a mode is in force, faded in, and the blend of a phase that began meanwhile over."""
+    """Return a tick at which a mode has faded in and no blend of a phase is active."""
     return begin_of(changes, mode) + FADE_TICKS + 100
 
 
@@ -394,7 +394,7 @@ def test_numbers_stay_in_their_card_on_a_tablet(browser: Any, treadmill: Walk, w
     page.close()
 
 
-def test_who_sits_is_not_called_walking_and_the_curves_end_above_the_legend(
+def test_a_sitting_wearer_is_not_shown_as_walking_and_the_curves_end_above_the_legend(
     browser: Any, tmp_path: Path
 ) -> None:
     walk = Walk(tmp_path, "stand_to_sit")
@@ -423,11 +423,11 @@ def test_the_scene_of_a_phone_stays_before_the_panel_that_scrolls(page: Page) ->
 # ---------------------------------------------------------------------- wrong values
 
 
-def test_value_out_of_range_is_refused_beside_its_control_which_goes_back(page: Page) -> None:
+def test_value_out_of_range_is_refused_next_to_its_control_and_reset(page: Page) -> None:
     page.tab("table")
     before = page.value("early_stance.hip.equilibrium")
     page.type("early_stance.hip.equilibrium", 400)
-    assert re.search(r"expected .* to .* deg, got 400", page.refusal("early_stance.hip.equilibrium"))
+    assert re.search(r"expected .* to .* °, got 400", page.refusal("early_stance.hip.equilibrium"))
     assert page.value("early_stance.hip.equilibrium") == before
     assert "pending" not in (page.row("early_stance.hip.equilibrium").get_attribute("class") or "")
 
@@ -447,18 +447,18 @@ def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) 
     texts = '[...document.querySelectorAll("#panel-log .what")].map((one) => one.textContent)'
     session = page.page.evaluate("livePanel.log.session")
     assert re.fullmatch("[0-9a-f]{16}", session)
-    hear = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
+    receive = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
     phases = page.page.evaluate("[...livePanel.board.colours.values()]")
     greeting = {"kind": "page", "session": session, "phases": phases}
 
     def event(serial: int, text: str) -> dict[str, Any]:
         return {"kind": "event", "serial": serial, "response": "note", "text": text, "tick": 1, "id": ""}
 
-    page.page.evaluate(hear, [greeting, event(90001, "of the first"), event(90001, "of the first")])
+    page.page.evaluate(receive, [greeting, event(90001, "of the first"), event(90001, "of the first")])
     assert page.page.evaluate(texts).count("of the first") == 1
     # As after a restart of the program: its serial numbers begin at 1 again.
     page.page.evaluate(
-        hear, [{**greeting, "session": "another"}, event(1, "begins"), event(90001, "goes on")]
+        receive, [{**greeting, "session": "another"}, event(1, "begins"), event(90001, "goes on")]
     )
     assert page.page.evaluate(texts) == ["goes on", "begins"]
 
@@ -470,7 +470,7 @@ def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_a
     walk = Walk(tmp_path, "treadmill")
     name = "swing_flexion.knee.equilibrium"
     try:
-        page = Page(browser, walk, asks=True)
+        page = Page(browser, walk, forecasts=True)
         page.wait(3.0)
         page.tab("table")
         page.page.click('.chip[data-phase="swing_flexion"]')
@@ -503,7 +503,7 @@ def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_
     wrong = {
         "[": "expected JSON",
         '{"kind": "set", "id": "x1", "user": "", "control": "warp", "value": 1}': "no 'warp'",
-        '{"kind": "do", "id": "x2", "user": "", "action": "explode"}': "explode: there is nothing like it",
+        '{"kind": "do", "id": "x2", "user": "", "action": "explode"}': "explode: is not available",
         '{"kind": "set", "id": "x3", "control": "belt_speed", "value": "fast"}': "belt_speed: expected",
         '{"kind": "set", "id": "x4", "user": "", "control": "belt_speed", "value": NaN}': "value: expected",
         f'{{"kind": "set", "id": "x5", "user": "{"u" * 5000}"}}': "at most 4096",
@@ -547,7 +547,7 @@ def test_page_of_another_origin_gets_nothing(browser: Any, treadmill: Walk, tmp_
                 .then((answer) => answer.type)""",
             treadmill.port,
         )
-        assert answer == "opaque"  # it may ask; that nothing stopped is looked at below
+        assert answer == "opaque"  # it may send the request; below the walk is checked to continue
     finally:
         foreign.close()
         server.terminate()
@@ -595,7 +595,7 @@ def test_steps_by_hand_wait_for_the_button(page: Page) -> None:
     until(lambda: page.status() == "walking", "the step")
     page.row("manual").locator("input").uncheck()
     page.settle()
-    assert page.row("manual").locator(".refusal").inner_text() == ""
+    assert page.row("manual").locator(".rejection").inner_text() == ""
 
 
 MEAN_OVER = 8.0  # [s]
@@ -623,7 +623,7 @@ def joint_paths() -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[str, Any]:
-    """A walk with everything that the panel can do to it, to its end; and what its page showed."""
+    """Return a complete walk with every action of the panel, and the values shown on its page."""
     page = Page(browser, treadmill)
     page.page.wait_for_selector(".read tbody tr")  # the card is made with the first samples
     seen = []
@@ -642,7 +642,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.type("swing_extension.knee.equilibrium", page.value("swing_extension.knee.equilibrium") + 0.5)
     page.settle()
     page.page.click("#panel-body [data-action=save]")
-    until(lambda: page.page.locator(".deed .done").count() > 0, "the name of the saved table")
+    until(lambda: page.page.locator(".action .done").count() > 0, "the name of the saved table")
     until(lambda: page.clock() > changed + MEAN_OVER + 1.0, "some strides after the change", 60.0)
     # The page does nothing for a while, as one that is slow; afterwards it has what it missed.
     page.page.evaluate("() => { const end = performance.now() + 2000; while (performance.now() < end); }")
@@ -685,7 +685,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
             "hold": hold}  # fmt: skip
 
 
-def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: dict[str, str]) -> None:
+def test_joint_positions_on_the_page_equal_pinocchio(session, joint_paths: dict[str, str]) -> None:
     model = load_experiment("treadmill").experiment.build_world().model
     data = model.model.createData()
     worst = 0.0
@@ -700,7 +700,7 @@ def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: 
 
 
 @pytest.mark.slow
-def test_numbers_on_the_page_are_those_of_the_log(session) -> None:
+def test_numbers_on_the_page_equal_the_log(session) -> None:
     for one in session["seen"]:
         row = session["log"].iloc[round(1000.0 * one["time"])]
         assert len(one["angles"]) == 2
@@ -727,7 +727,7 @@ def test_curves_of_a_page_that_was_slow_have_the_peaks_of_the_log(session) -> No
                 assert peak(values) == pytest.approx(peak(span), rel=1e-6)
 
 
-def test_hold_shows_its_cause_and_its_joint(session) -> None:
+def test_hold_shows_its_cause_and_joint(session) -> None:
     safety = session["summary"]["safety"]
     assert safety["tripped"]
     # The monitor trips on the fault, or the operator comes first, who is cause and place.
@@ -742,7 +742,7 @@ def test_hold_shows_its_cause_and_its_joint(session) -> None:
 
 
 def change(session: dict[str, Any], subject: str, number: int = 0) -> int:
-    """First tick with a change of a key, or with another event; one of several by its number."""
+    """Return the first tick with a change of a key or another event; ``number`` selects one of several."""
     found = [one for one in session["changes"] if subject in one or subject in one.get("set", {})]
     return round(1e3 * found[number]["time_s"])
 
@@ -766,8 +766,8 @@ def test_belt_speed_is_read_back_from_a_foot_that_stands_on_it(session) -> None:
         standing = inside[
             (inside["left_phase"].astype(str) == "middle_stance") & (inside["left_foot_normal_force_N"] > 50)
         ]
-        places = standing.index.to_numpy()
-        runs = [run for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(run) > 60]
+        indices = standing.index.to_numpy()
+        runs = [run for run in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1) if len(run) > 60]
         assert runs, "the left leg did not stand"
         for run in runs[:1]:
             heel = [foot(model, log.iloc[tick]) for tick in (run[10], run[-10])]
@@ -777,13 +777,13 @@ def test_belt_speed_is_read_back_from_a_foot_that_stands_on_it(session) -> None:
 
 
 def foot(model: Any, row: pd.Series) -> float:
-    """How far forward the sole of the left foot is, in [m]."""
+    """Return the forward position of the left sole in [m]."""
     frames = model.legs[Side.LEFT].contact_frames
     return float(np.mean([model.frame_position(posture(model, row), frame)[0] for frame in frames]))
 
 
 def posture(model: Any, row: pd.Series) -> np.ndarray:
-    """Coordinates of the model in a row of the log."""
+    """Return the coordinates of the model in a row of the log."""
     positions, _ = state_columns(model)
     return row[positions].to_numpy(dtype=float)
 
@@ -817,7 +817,7 @@ def test_stop_holds_the_legs_from_its_tick_on(session) -> None:
     assert (state[: last.tick] == 0).all() and (state[last.tick + 1 :] == 1).all()
 
 
-def test_saved_table_is_run_by_simulate_with_what_the_panel_showed(session, treadmill: Walk) -> None:
+def test_saved_table_runs_in_simulate_with_the_values_of_the_panel(session, treadmill: Walk) -> None:
     (path,) = treadmill.folder.parent.glob("run-table-*.yaml")
     saved = load_experiment("treadmill", [f"table={path}"]).experiment.table
     begun = load_experiment("treadmill").experiment.table
@@ -855,7 +855,7 @@ def answers(port: int) -> bool:
 
 
 def children(pid: int) -> list[str]:
-    """Processes whose parent is this one; a thread of it may have started them."""
+    """Return the child processes of a process, including those started by its threads."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):  # it has just gone

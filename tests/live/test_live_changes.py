@@ -1,4 +1,4 @@
-"""Several changes of one message, a process that hangs, and messages that come too fast."""
+"""Tests of several changes in one message, a hanging process, and messages at too high a rate."""
 
 import json
 import os
@@ -9,6 +9,7 @@ from contextlib import closing
 from types import SimpleNamespace
 
 import pytest
+from errors import states
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration.experiments import load_experiment
@@ -66,10 +67,10 @@ def test_several_changes_are_applied_in_one_tick_or_not_at_all(session):
 
 
 def test_one_forecast_is_made_of_several_changes_and_warns_of_unusual_ones(session):
-    told = say(session, kind="try", changes={"middle_stance.knee.stiffness": 9.0, ZERO: 58.5})
-    assert told.response == "forecast" and told.subject == ""
-    assert "middle_stance.knee.stiffness: 3 → 9; swing_flexion.knee.equilibrium:" in told.text
-    assert [text for text in told.forecast["warnings"] if text.startswith("middle stance: knee k 9.00")]
+    response = say(session, kind="try", changes={"middle_stance.knee.stiffness": 9.0, ZERO: 58.5})
+    assert response.response == "forecast" and response.subject == ""
+    assert "middle_stance.knee.stiffness: 3 → 9; swing_flexion.knee.equilibrium:" in response.text
+    assert [text for text in response.forecast["warnings"] if text.startswith("middle stance: knee k 9.00")]
     one = say(session, kind="try", changes={K: 2.0})
     assert one.subject == K and one.forecast["warnings"] == ()
 
@@ -78,7 +79,7 @@ def test_warnings_name_a_spring_and_an_equilibrium_that_are_unusual():
     panel = ControlPanel(load_experiment("treadmill", ["duration_s=1"]).experiment)
     begun = find_warnings(panel.preset)
     for name, value, text in (
-        ("late_stance.hip.stiffness", 6.0, "late stance: hip k 6.00 Nm/deg is outside"),
+        ("late_stance.hip.stiffness", 6.0, "late stance: hip k 6.00 N·m/deg is outside"),
         ("late_stance.hip.equilibrium", -30.0, "late stance: hip θ0 -30.0° is outside -20.0"),
     ):
         found = [item for item in find_warnings(panel.set(panel.preset, name, value)) if item not in begun]
@@ -115,9 +116,9 @@ def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypat
     assert look(0.4) == pytest.approx(0.4) and book.after(0) == []
     assert look(3.0) == pytest.approx(3.0)
     (note,) = book.after(0)
-    assert note.response == "note" and "sent nothing for 0.5 s" in note.text
+    assert note.response == "note" and states(note.text, "0.5 s")
     walk._last_message = now[0] = 3.2
-    assert walk.time_since_message() == 0.0 and "sends again, after 3.2 s" in book.after(1)[0].text
+    assert walk.time_since_message() == 0.0 and states(book.after(1)[0].text, "3.2 s")
     now[0] += 30.0  # this program itself stood still: messages of the process may wait to be read
     assert walk.time_since_message() == pytest.approx(30.0) and len(book.after(0)) == 2
     walk._last_message = now[0]
@@ -147,7 +148,7 @@ def test_a_process_that_is_stopped_is_noticed_and_a_stop_is_not_confirmed(sessio
 
 @pytest.fixture
 def listening(monkeypatch):
-    """A page without a server, the messages that reach its session, and a panel."""
+    """Return a page without a server, the messages that its session receives, and a panel."""
     monkeypatch.setattr(RateLimiter, "__init__", frozen_limit)
     page, submitted, book = LivePageServer.__new__(LivePageServer), [], EventLog()
     page._session = SimpleNamespace(event_log=book, user="Ann", submit=submitted.append)
@@ -155,7 +156,7 @@ def listening(monkeypatch):
 
 
 def frozen_limit(limit, rate, burst):
-    """A limit that time does not refill, so that the test counts and does not wait."""
+    """Return a rate limit that is not refilled by time, so that the test counts instead of waiting."""
     limit.dropped, limit._rate, limit._burst, limit._left, limit._last = 0, 0.0, burst, float(burst), 0.0
 
 
@@ -166,7 +167,7 @@ def test_a_flood_of_a_page_is_cut_off_with_one_line_and_stop_still_passes(listen
         page.receive(panel, '{"kind": "set", "' + "x" * 3000 + '": 1}')
     events = book.after(0)
     assert len(events) == BURST + 1 and max(len(item.text) for item in events) < 250
-    assert events[-1].response == "refused" and "faster than 20 a second" in events[-1].text
+    assert events[-1].response == "refused" and states(events[-1].text, "20")
     page.receive(panel, json.dumps({"kind": "do", "id": "1", "action": "stop"}))
     page.receive(panel, json.dumps({"kind": "do", "id": "2", "action": "walk"}))
     assert [item.action for item in submitted] == ["stop"]
@@ -175,4 +176,4 @@ def test_a_flood_of_a_page_is_cut_off_with_one_line_and_stop_still_passes(listen
     panel.limit._left = 1.0
     page.receive(panel, json.dumps({"kind": "do", "id": "4", "action": "pause"}))
     assert submitted[-1].action == "pause"
-    assert book.after(0)[-1].text == "501 messages of a page were dropped"
+    assert states(book.after(0)[-1].text, "501")

@@ -1,10 +1,11 @@
-"""What would come of a change, told before it is made; the walk itself does not notice."""
+"""Tests of the forecast of a change before it is applied, which does not affect the walk."""
 
 import json
 from contextlib import closing
 
 import numpy as np
 import pytest
+from errors import states
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration.experiments import load_experiment
@@ -30,7 +31,7 @@ def panel():
 
 @pytest.fixture(scope="module")
 def walks(panel):
-    """A walk after eight seconds, and another one that looks ahead."""
+    """Return a walk after eight seconds, and another one for the prediction."""
     walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
     walking.advance(8000)
     return walking, ahead
@@ -48,7 +49,7 @@ def moment_of(walk):
 
 
 @pytest.mark.parametrize("change", FALLS)
-def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, change):
+def test_a_change_that_ends_the_walk_is_predicted_to_the_tick(panel, walks, change):
     walking, ahead = walks
     moment = moment_of(walking)
     forecast = predict(ahead, moment, changed(panel, change))
@@ -59,9 +60,9 @@ def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, chang
     real.set(loop_numbers(changed(panel, change)))
     real.advance(HORIZON)
     if real.trip is not None:
-        assert f"trips after {(real.trip.tick - 8000) * 1e-3:.1f} s" in forecast.text
+        assert states(forecast.text, "trips", f"{(real.trip.tick - 8000) * 1e-3:.1f} s")
     if real.status is RunStatus.FELL:
-        assert f"falls after {(real.tick - 1 - 8000) * 1e-3:.1f} s" in forecast.text
+        assert states(forecast.text, "falls", f"{(real.tick - 1 - 8000) * 1e-3:.1f} s")
     assert real.trip is not None or real.status is RunStatus.FELL
 
 
@@ -73,7 +74,7 @@ def test_a_harmless_change_walks_on_with_its_deviation_and_saturation(panel, wal
     assert 0.0 < forecast.saturated_share < 0.2
 
 
-def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(panel, walks):
+def test_after_the_end_a_restart_is_predicted_and_a_manual_step_is_awaited(panel, walks):
     walking, ahead = walks
     over = SteppedRun(panel.problem)
     over.advance(1000)
@@ -85,37 +86,37 @@ def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(
     assert not by_hand.bad and by_hand.text.startswith("does not fall")
 
 
-def test_who_sits_and_is_not_asked_to_walk_does_not_fall():
+def test_a_sitting_wearer_without_a_walk_command_does_not_fall():
     panel = ControlPanel(load_experiment("stand_to_sit").experiment)
     walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
     walking.advance(100)
     forecast = predict(ahead, moment_of(walking), changed(panel))
-    assert not forecast.bad and forecast.text == f"does not fall for the {HORIZON / 1000:.0f} s looked ahead"
+    assert not forecast.bad and states(forecast.text, "does not fall", f"{HORIZON / 1000:.0f} s")
 
 
 def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_for_bit(panel):
     plain = Rig(panel.problem, [], longest=4000)
     plain.loop.walk()
     script = [(1.0 + 0.3 * n, {"serial": n, "command": "snapshot"}) for n in range(5)]
-    asked = Rig(panel.problem, script, longest=4000)
-    asked.loop.walk()
-    assert all("snapshot" in asked.answers()[n] for n in range(5))
+    with_snapshots = Rig(panel.problem, script, longest=4000)
+    with_snapshots.loop.walk()
+    assert all("snapshot" in with_snapshots.answers()[n] for n in range(5))
     ahead = SteppedRun(panel.problem)
-    predict(ahead, asked.answers()[3]["snapshot"], changed(panel, FALLS[0]))
-    np.testing.assert_array_equal(asked.takes[0].rows, plain.takes[0].rows)
-    assert asked.takes[0].events == ()
+    predict(ahead, with_snapshots.answers()[3]["snapshot"], changed(panel, FALLS[0]))
+    np.testing.assert_array_equal(with_snapshots.takes[0].rows, plain.takes[0].rows)
+    assert with_snapshots.takes[0].events == ()
 
 
 @pytest.mark.slow
-def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(tmp_path):
+def test_a_session_forecasts_a_try_without_applying_it(tmp_path):
     loaded = load_experiment("treadmill", ["duration_s=60"])
     with closing(LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False)) as session:
         session.start()
         name, value = FALLS[0]
         wait_for(lambda: session.walk.frame["tick"])
-        told = say(session, kind="try", control=name, value=value)
-        assert told.response == "forecast" and told.forecast["bad"] and told.subject == name
-        assert told.forecast["text"] in told.text
+        response = say(session, kind="try", control=name, value=value)
+        assert response.response == "forecast" and response.forecast["bad"] and response.subject == name
+        assert response.forecast["text"] in response.text
         assert not any(item.changed for item in session.state().controls)
         unsafe = say(session, kind="try", control="middle_stance.hip.gain", value=0.95)
         assert unsafe.response == "refused" and unsafe.text.startswith("unstable")

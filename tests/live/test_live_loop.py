@@ -1,4 +1,4 @@
-"""The back half of ``twin-gait live``: messages, controls, rules, the loop against the clock, the process."""
+"""Tests of the simulation side of ``twin-gait live``: messages, controls, rules, real time, the process."""
 
 import base64
 import json
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from errors import raises
+from errors import raises, states
 
 from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
@@ -111,7 +111,7 @@ def test_messages_are_read_as_they_were_meant():
         ('{"kind": "try", "id": "1", "changes": [1]}', ("changes",)),
     ],
 )
-def test_what_is_no_message_is_refused_with_the_reason(text, reason):
+def test_invalid_messages_are_refused_with_the_reason(text, reason):
     with raises(MessageRejected, *reason):
         read_message(text)
 
@@ -139,9 +139,9 @@ def test_long_names_are_shortened_in_the_reason_which_is_all_there(text):
 
 def test_a_text_of_a_value_is_shortened_in_its_refusal(treadmill_panel):
     specs = tuple(action_specs(treadmill_panel.problem))
-    asked = DoAction(id="1", user="", action="push", values={"joint": "j" * 200})
+    message = DoAction(id="1", user="", action="push", values={"joint": "j" * 200})
     with raises(MessageRejected, "joint", "left_hip") as caught:
-        action_values(specs, asked)
+        action_values(specs, message)
     assert len(str(caught.value)) < 200
     with raises(MessageRejected, "control") as caught:
         treadmill_panel.revert(treadmill_panel.preset, "j" * 200)
@@ -157,7 +157,7 @@ def test_a_rate_limit_lets_a_burst_pass_then_a_rate_and_counts_the_rest():
     assert sum(limit.allows(200.0) for _ in range(20)) == 5
 
 
-def test_frames_become_json_with_null_for_what_is_no_number():
+def test_frames_become_json_with_null_for_nan():
     statistics = DeadlineStatistics(blocks=3, late=1, worst_ms=math.inf, lost_s=0.0)
     frame = Frame(
         tick=7, time_s=0.007, status="walking", phases={"left": "late_stance", "right": None}, mode=None,
@@ -214,7 +214,7 @@ def same(one, other):
 
 
 def another(control):
-    """Some other value of a control."""
+    """Return another value of a control."""
     if control.kind == "switch":
         return not control.value
     if control.kind == "choice":
@@ -256,12 +256,12 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("late_stance.hip.stiffness", 99.0, ("0", "{most:g} Nm/deg", "99")),
-        ("late_stance.hip.stiffness", -1.0, ("0", "{most:g} Nm/deg", "-1")),
-        ("late_stance.hip.stiffness", "stiff", ("0", "{most:g} Nm/deg", "stiff")),
-        ("late_stance.hip.stiffness", True, ("0", "{most:g} Nm/deg")),
+        ("late_stance.hip.stiffness", 99.0, ("0", "{most:g} N·m/°", "99")),
+        ("late_stance.hip.stiffness", -1.0, ("0", "{most:g} N·m/°", "-1")),
+        ("late_stance.hip.stiffness", "stiff", ("0", "{most:g} N·m/°", "stiff")),
+        ("late_stance.hip.stiffness", True, ("0", "{most:g} N·m/°")),
         ("late_stance.hip.gain", 1.01, ("0", "1", "1.01")),
-        ("swing_flexion.knee.equilibrium", 160.0, ("deg", "160")),
+        ("swing_flexion.knee.equilibrium", 160.0, ("°", "160")),
         ("belt_speed", 0.0, ("0.75", "2.25 km/h", "0")),
         ("mode", "fly", ("walk", "friction_control")),
         ("manual", 1.0, ("true", "false", "1")),
@@ -320,30 +320,32 @@ def test_the_range_of_an_own_table_does_not_end_at_its_values():
 def test_values_of_actions_are_checked_too(treadmill_panel):
     specs = tuple(action_specs(treadmill_panel.problem))
 
-    def ask(action, **values):
+    def checked_values(action, **values):
         return action_values(specs, DoAction(id="1", user="", action=action, values=values))
 
-    assert ask("push") == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
-    with raises(MessageRejected, "torque", "-60", "60 Nm"):
-        ask("push", torque=61.0)
+    assert checked_values("push") == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
+    with raises(MessageRejected, "torque", "-60", "60 N·m"):
+        checked_values("push", torque=61.0)
     with raises(MessageRejected, "push", "force", "joint", "torque", "duration"):
-        ask("push", force=1.0)
+        checked_values("push", force=1.0)
     with raises(MessageRejected, "stop", "x"):
-        ask("stop", x=1.0)
+        checked_values("stop", x=1.0)
     with raises(MessageRejected, "explode"):
-        ask("explode")
-    for kind, place in (("motor_dead", "left_hip"), ("foot_load_stuck", "left_foot"), ("supply_dip", "")):
-        assert ask("fault", kind=kind)["place"] == place  # the place that a fault begins with fits it
-    asked = ask("fault", kind="encoder_drift", place="left_hip", size=" 9 deg/s")
-    assert str(parse_fault(fault_text(asked))).startswith("encoder_drift:left_hip@")
+        checked_values("explode")
+    for kind, target in (("motor_dead", "left_hip"), ("foot_load_stuck", "left_foot"), ("supply_dip", "")):
+        assert (
+            checked_values("fault", kind=kind)["place"] == target
+        )  # the default place fits the kind of fault
+    values = checked_values("fault", kind="encoder_drift", place="left_hip", size=" 9 deg/s")
+    assert str(parse_fault(fault_text(values))).startswith("encoder_drift:left_hip@")
 
 
 @pytest.mark.parametrize(
     "wrong", [{"kind": "supply_dip", "place": "right_hip"}, {"place": ""}, {"size": "1; rm -rf /"}]
 )
 def test_a_fault_that_does_not_fit_is_refused(bench_problem, wrong):
-    asked = DoAction(id="1", user="", action="fault", values=wrong)
-    fault = fault_text(action_values(action_specs(bench_problem), asked))
+    message = DoAction(id="1", user="", action="fault", values=wrong)
+    fault = fault_text(action_values(action_specs(bench_problem), message))
     rig = Rig(bench_problem, [(0.0, {"serial": 1, "command": "fault", "fault": fault})], longest=20)
     rig.loop.walk()
     assert rig.answers()[1]["refused"] and rig.run.injected == ()
@@ -352,12 +354,12 @@ def test_a_fault_that_does_not_fit_is_refused(bench_problem, wrong):
 # ---------------------------------------------------------------------- rules
 
 
-def test_a_gain_that_lets_the_loop_grow_is_refused_and_one_below_is_not(bench_panel):
+def test_an_unstable_gain_is_refused_and_a_stable_one_is_not(bench_panel):
     assert find_errors(bench_panel.preset) == {}
     # Friction compensation beyond the true friction drives the joint; the check names the border.
     unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
     (reason,) = find_errors(unsafe).values()
-    assert reason.startswith("unstable (middle_stance): a small motion") and "stay below" in reason
+    assert reason.startswith("unstable (middle_stance): ")
     assert find_errors(bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.5)) == {}
 
 
@@ -366,7 +368,7 @@ def test_a_phase_that_could_not_be_left_any_more_is_refused(bench_panel):
     assert next(iter(find_errors(stuck).values())).startswith("cannot_leave (swing_flexion)")
 
 
-def test_an_error_that_was_there_before_does_not_refuse_the_way_out(bench_panel):
+def test_an_earlier_error_does_not_refuse_a_change_that_removes_it(bench_panel):
     unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
     better = bench_panel.set(unsafe, "middle_stance.hip.gain", 0.9)
     assert find_errors(better).keys() == find_errors(unsafe).keys()
@@ -422,7 +424,7 @@ def test_a_long_stall_is_given_up_not_raced_after_and_all_of_it_counts():
     assert statistics.worst_ms == pytest.approx(990.0)
 
 
-def test_a_pause_is_nobodys_loss():
+def test_a_pause_does_not_count_as_lost_time():
     clock = BlockClock()
     clock.wait(0.0)
     clock.finished(0.005)
@@ -436,7 +438,7 @@ def test_a_pause_is_nobodys_loss():
 
 
 class Rig:
-    """A loop with a clock that only sleeping and working move on, and commands by time."""
+    """Loop with a clock that advances only by sleeping and working, and commands by time."""
 
     def __init__(self, problem, script, *, longest=1000, working=0.0005):
         self.time, self.sent, self.pieces, self.taken = 0.0, [], [[]], []
@@ -467,7 +469,7 @@ class Rig:
 
     @property
     def takes(self):
-        """The walks that are over."""
+        """Return the finished walks."""
         return [walk for pieces in self.pieces[:-1] for walk in split_walks(pieces, self.longest)]
 
     def sleep(self, duration):
@@ -488,7 +490,7 @@ class Rig:
         return np.frombuffer(base64.b64decode(item["rows"])).reshape(-1, len(self.run.layout.names))
 
     def answers(self):
-        """By the serial numbers of the commands."""
+        """Return the responses by the serial numbers of the commands."""
         found = [item for item in self.sent if item["kind"] == "answer"]
         return dict(zip(self.taken, found, strict=True))
 
@@ -509,7 +511,7 @@ def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_pr
     assert str(take.status) == "completed" and rig.news()[-1]["status"] == "ended"
 
 
-def test_every_block_is_told_with_its_rows_whatever_is_paused_or_begun_again(bench_problem):
+def test_every_block_is_published_with_its_rows_despite_pauses_and_restarts(bench_problem):
     script = [
         (0.207, {"serial": 1, "command": "pause"}),
         (0.3, {"serial": 2, "command": "walk"}),
@@ -517,14 +519,14 @@ def test_every_block_is_told_with_its_rows_whatever_is_paused_or_begun_again(ben
     ]
     rig = Rig(bench_problem, script)
     rig.loop.walk()
-    told = [item for item in rig.news() if item["rows"]]
-    assert {len(rig.rows(item)) for item in told} == {BLOCK_TICKS}
-    assert all(item["first"] + BLOCK_TICKS == item["tick"] for item in told)
+    messages = [item for item in rig.news() if item["rows"]]
+    assert {len(rig.rows(item)) for item in messages} == {BLOCK_TICKS}
+    assert all(item["first"] + BLOCK_TICKS == item["tick"] for item in messages)
     rows = np.concatenate([take.rows for take in rig.takes])
-    np.testing.assert_array_equal(np.concatenate([rig.rows(item) for item in told]), rows)
+    np.testing.assert_array_equal(np.concatenate([rig.rows(item) for item in messages]), rows)
 
 
-def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):
+def test_frames_contain_the_events_of_the_walk_and_a_restart_clears_them(bench_problem):
     fault = {
         "serial": 1,
         "command": "fault",
@@ -534,17 +536,17 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
     rig.loop.walk()
     assert rig.answers()[1]["refused"] == ""
-    told = next(item["events"] for item in rig.news() if item["status"] == "held")
+    events = next(item["events"] for item in rig.news() if item["status"] == "held")
     trip = rig.takes[0].trip
-    assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
-    assert told[0]["text"] == "fault: encoder freeze, right knee"
-    assert told[1]["text"] == "trip: encoder frozen, right knee"
+    assert [item["kind"] for item in events] == ["fault", "trip"] and events[1]["time"] == trip.time
+    assert events[0]["text"] == "fault: encoder freeze, right knee"
+    assert events[1]["text"] == "trip: encoder frozen, right knee"
     assert rig.news()[0]["events"] == rig.news()[-1]["events"] == []
     document = walked_document(rig.takes[0], load_experiment("bench_leg", ["duration_s=60"]).document)
     experiment = experiment_from_mapping(document, "experiment", Path())
     kept = walked_run(rig.takes[0], bench_problem, experiment)
-    assert [event.text for event in kept.events] == [item["text"] for item in told]
-    assert [event.time for event in kept.events] == [item["time"] for item in told]
+    assert [event.text for event in kept.events] == [item["text"] for item in events]
+    assert [event.time for event in kept.events] == [item["time"] for item in events]
 
 
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
@@ -589,7 +591,7 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
 
 
 def test_thresholds_reach_the_guards(bench_panel, bench_problem):
-    """With thresholds that nothing measured passes, phases end by their time-outs alone."""
+    """With unreachable thresholds, phases end only by their timeouts."""
     numbers = json.loads(json.dumps(loop_numbers(bench_panel.preset)))
     shut = [{**entry, "threshold": 1e9} for entry in numbers["comparisons"]]
     script = [
@@ -620,7 +622,7 @@ def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
 
 
 @pytest.mark.slow
-def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_with_it(
+def test_the_belt_stops_while_a_leg_waits_for_its_step_and_the_walk_continues_afterwards(
     treadmill_panel, monkeypatch
 ):
     monkeypatch.setattr(stepping, "MOST_FAULTS", 1)  # the loop of other tests' faults
@@ -658,7 +660,7 @@ def test_a_slow_block_shows_in_the_statistics_of_the_next_frame(bench_problem):
 
 
 def say(session, **message):
-    """Send a message as a page does and wait for what becomes of it."""
+    """Send a message as a page does and wait for the response."""
     say.count += 1
     session.submit(read_message(json.dumps({"id": f"m{say.count}", "user": "Ann", **message})))
     return wait_for(
@@ -684,69 +686,71 @@ EARLIER = "the table of an earlier session"
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """A session on the bench with all kinds of messages, and what it left behind."""
+    """Return a finished session on the bench with all kinds of messages, their responses and its folder."""
     folder = tmp_path_factory.mktemp("live")
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     database = folder / "sessions"
-    said = {}
+    responses = {}
     (folder / "run-2").mkdir()  # somebody else's
     (folder / "run-table-1.yaml").write_text(EARLIER)
     with closing(
         LiveSession(loaded=loaded, folder=folder / "run", user="Ann", records=database, pictures=False)
     ) as session:
         session.start()
-        said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
-        said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
-        said["unsafe"] = say(session, kind="set", control="middle_stance.hip.gain", value=0.95)
-        said["range"] = say(session, kind="set", control="middle_stance.hip.gain", value=7)
-        said["push"] = say(session, kind="do", action="push", values={"joint": "right_knee", "torque": -6})
-        said["save"] = say(session, kind="do", action="save")
+        responses["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
+        responses["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
+        responses["unsafe"] = say(session, kind="set", control="middle_stance.hip.gain", value=0.95)
+        responses["range"] = say(session, kind="set", control="middle_stance.hip.gain", value=7)
+        responses["push"] = say(
+            session, kind="do", action="push", values={"joint": "right_knee", "torque": -6}
+        )
+        responses["save"] = say(session, kind="do", action="save")
         time.sleep(0.5)
-        said["state"] = session.state()
-        said["table"] = session.settings.table
-        said["block"] = wait_for(session.walk.blocks)[-1]
-        said["stop"] = say(session, kind="do", action="stop")
+        responses["state"] = session.state()
+        responses["table"] = session.settings.table
+        responses["block"] = wait_for(session.walk.blocks)[-1]
+        responses["stop"] = say(session, kind="do", action="stop")
         wait_for(lambda: session.walk.status == "held")
-        said["restart"] = say(session, kind="do", action="restart")
+        responses["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
-    return session, said, folder
+    return session, responses, folder
 
 
 def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
-    _, said, folder = finished
+    _, responses, folder = finished
     assert (folder / "run-table-1.yaml").read_text() == EARLIER
-    assert said["save"].value == str(folder / "run-table-2.yaml")
+    assert responses["save"].value == str(folder / "run-table-2.yaml")
 
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):
-    _, said, folder = finished
-    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
+    _, responses, folder = finished
+    assert [responses[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
     log = read_stored_run(folder / "run").run.log
     pushed = np.flatnonzero(log["right_knee_external_torque_Nm"] == -6.0)
-    assert pushed[0] == said["push"].tick and len(pushed) == 200
-    assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
+    assert pushed[0] == responses["push"].tick and len(pushed) == 200
+    assert np.flatnonzero(log["safety_state"])[0] == responses["stop"].tick
     events = read_stored_run(folder / "run").run.experiment.events
-    assert [item.tick for item in events] == [said[name].tick for name in ("k", "zero", "push", "stop")]
+    assert [item.tick for item in events] == [responses[name].tick for name in ("k", "zero", "push", "stop")]
     assert {item.by for item in events} == {"Ann"}
     (stiffness,) = events[0].changes.values()
     assert stiffness == pytest.approx(2.4 / DEGREE, rel=1e-14)
 
 
 def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
-    _, said, folder = finished
-    assert said["unsafe"].response is said["range"].response == "refused"
-    assert "unstable (middle_stance)" in said["unsafe"].text
-    assert "expected 0 to 1, got 7" in said["range"].text
+    _, responses, folder = finished
+    assert responses["unsafe"].response is responses["range"].response == "refused"
+    assert "unstable (middle_stance)" in responses["unsafe"].text
+    assert states(responses["range"].text, "0", "1", "7")
     assert read_stored_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
-    gain = next(item for item in said["state"].controls if item.name == "middle_stance.hip.gain")
+    gain = next(item for item in responses["state"].controls if item.name == "middle_stance.hip.gain")
     assert not gain.changed
 
 
 def test_the_state_shows_what_differs_from_the_preset(finished):
-    _, said, _ = finished
-    changed = {item.name for item in said["state"].controls if item.changed}
+    _, responses, _ = finished
+    changed = {item.name for item in responses["state"].controls if item.changed}
     assert changed == {"late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"}
-    shown = json.loads(json.dumps(said["state"].to_dict()))
+    shown = json.loads(json.dumps(responses["state"].to_dict()))
     assert {item["name"] for item in shown["controls"] if item["changed"]} == changed
 
 
@@ -762,9 +766,9 @@ def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
 
 
 def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episode(finished):
-    _, said, _ = finished
-    experiment = load_experiment("bench_leg", [f"table={said['save'].value}", "duration_s=4"]).experiment
-    assert experiment.table.phases == said["table"].phases
+    _, responses, _ = finished
+    experiment = load_experiment("bench_leg", [f"table={responses['save'].value}", "duration_s=4"]).experiment
+    assert experiment.table.phases == responses["table"].phases
     run = simulate(experiment)
     rows = build_setup(experiment).phase_rows
     for phase, column, name, set_to in (
@@ -773,11 +777,11 @@ def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episo
     ):
         last = run.log[run.log["right_phase"] == phase][name].iloc[-1]
         assert last == rows[0, run.table.phase_index(phase), column] == pytest.approx(set_to)
-    assert "--set table=" in said["save"].text
+    assert "--set table=" in responses["save"].text
 
 
 def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finished):
-    session, said, folder = finished
+    session, responses, folder = finished
     (entry,) = list_sessions(folder / "sessions")
     found = read_session(folder / "sessions", entry["id"])
     kept = [entry[name] for name in ("user", "experiment", "status", "versions")]
@@ -785,20 +789,20 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     assert entry["folders"] == list(map(str, session.summaries)) and found["summary"] == session.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
-        item = logged[said[name].serial]
+        item = logged[responses[name].serial]
         assert (item["response"], item["tick"], item["text"]) == (
-            said[name].response,
-            said[name].tick,
-            said[name].text,
+            responses[name].response,
+            responses[name].tick,
+            responses[name].text,
         )
-    assert [item["tick"] for item in found["tables"]] == [said["k"].tick, said["zero"].tick]
+    assert [item["tick"] for item in found["tables"]] == [responses["k"].tick, responses["zero"].tick]
 
 
-def test_blocks_of_the_process_are_those_of_its_log(finished):
-    _, said, folder = finished
+def test_blocks_of_the_process_equal_its_log(finished):
+    _, responses, folder = finished
     block, rows = (
-        said["block"],
-        read_stored_run(folder / "run").run.log.iloc[said["block"].first :][:BLOCK_TICKS],
+        responses["block"],
+        read_stored_run(folder / "run").run.log.iloc[responses["block"].first :][:BLOCK_TICKS],
     )
     assert block.end == block.first + BLOCK_TICKS
     for name in ("right_phase", "right_knee_angle_rad"):
@@ -809,7 +813,7 @@ def test_blocks_of_the_process_are_those_of_its_log(finished):
 
 
 def begin(folder):
-    """The process of the loop with pipes that the test holds."""
+    """Start the process of the loop with pipes of the test."""
     document = load_experiment("bench_leg", ["duration_s=60"]).document
     setup = {"document": document, "folder": str(folder), "force": False}
     process = subprocess.Popen(
@@ -832,7 +836,7 @@ def real_time_is_allowed():
     return True
 
 
-def test_nobody_reading_does_not_slow_the_loop(tmp_path):
+def test_a_missing_reader_does_not_slow_the_loop(tmp_path):
     with begin(tmp_path / "run") as process:
         walking = time.monotonic()
         time.sleep(2.5)  # the pipe is full after a tenth of a second
@@ -901,7 +905,7 @@ def gone(pid):
     return False
 
 
-def test_a_set_up_that_cannot_be_used_is_told_in_one_line(tmp_path):
+def test_an_unusable_setup_is_refused_in_one_line(tmp_path):
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     broken = replace(loaded, document={**loaded.document, "duration_s": -1})
     session = LiveSession(loaded=broken, folder=tmp_path / "run", pictures=False)

@@ -34,7 +34,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
 
 @pytest.fixture
 def page(browser: Any, walk: Walk) -> Iterator[Page]:
-    opened = Page(browser, walk, asks=True)
+    opened = Page(browser, walk, forecasts=True)
     if opened.status() != "walking":
         opened.page.click("[data-action=restart]")
         until(lambda: opened.status() == "walking", "a new walk")
@@ -65,32 +65,37 @@ def inert(page: Page) -> set[bool]:
 # ---------------------------------------------------------------------- a simulation that hangs
 
 
-@pytest.mark.parametrize("what", ["child", "server"])
+@pytest.mark.parametrize("process_kind", ["child", "server"])
 def test_a_hung_simulation_is_seen_and_a_stop_is_not_confirmed_before_it_answers(
-    page: Page, walk: Walk, what: str
+    page: Page, walk: Walk, process_kind: str
 ) -> None:
     assert no_data(page) == "" and inert(page) == {False}
-    process = walk.process.pid if what == "server" else int(children(walk.process.pid)[0])
+    process = walk.process.pid if process_kind == "server" else int(children(walk.process.pid)[0])
     with stopped(process):
         until(lambda: no_data(page).startswith("No data for 0.5 s"), "half a second without data")
         until(lambda: no_data(page).startswith("No data for 2 s"), "two of them")
-        reason = "The program" if what == "server" else "The process of the simulation"
-        assert f"{reason} does not answer" in no_data(page)
-        assert page.status() == "silent" and inert(page) == {True}
+        reason = "The program" if process_kind == "server" else "The process of the simulation"
+        assert f"{reason} does not respond" in no_data(page)
+        assert page.status() == "no_data" and inert(page) == {True}
         assert "grayscale" in page.page.evaluate("getComputedStyle(document.querySelector('.pane')).filter")
-        stop, told = page.page.locator("#stop"), page.page.locator("#stop-state")
+        stop, stop_state = page.page.locator("#stop"), page.page.locator("#stop-state")
         assert stop.is_enabled()
         stop.click()
-        assert told.inner_text() == "Stop sent"
-        until(lambda: told.get_attribute("data-kind") == "missing", "the missing confirmation")
-        assert told.inner_text().startswith("Stop is not confirmed for 0.5 s")
-        until(lambda: told.inner_text().startswith("Stop is not confirmed for 2 s"), "two seconds of it")
-    until(lambda: told.inner_text().startswith("Stop confirmed after"), "the confirmation")
+        assert stop_state.inner_text() == "Stop sent"
+        until(lambda: stop_state.get_attribute("data-kind") == "missing", "the missing confirmation")
+        assert stop_state.inner_text().startswith("Stop has not been confirmed for 0.5 s")
+        until(
+            lambda: stop_state.inner_text().startswith("Stop has not been confirmed for 2 s"),
+            "two seconds of it",
+        )
+    until(lambda: stop_state.inner_text().startswith("Stop confirmed after"), "the confirmation")
     until(lambda: page.status() == "held" and no_data(page) == "", "the hold")
     assert inert(page) == {False}
-    assert ("sent nothing" in "".join(page.log())) or what == "server"
+    assert ("sent nothing" in "".join(page.log())) or process_kind == "server"
     page.page.click("[data-action=restart]")
-    until(lambda: page.status() == "walking" and not told.is_visible(), "a new walk, without the old stop")
+    until(
+        lambda: page.status() == "walking" and not stop_state.is_visible(), "a new walk, without the old stop"
+    )
 
 
 def test_a_pause_is_not_taken_for_a_hung_simulation(page: Page) -> None:
@@ -122,12 +127,12 @@ def test_stop_of_the_owner_is_answered_during_an_attack_of_idle_connections(page
 
 def test_controls_of_a_session_that_is_gone_are_disabled(browser: Any, tmp_path: Path) -> None:
     walk = Walk(tmp_path, "bench_leg")
-    page = Page(browser, walk, asks=True)
+    page = Page(browser, walk, forecasts=True)
     walk.end(signal.SIGKILL)
     until(lambda: page.status() == "offline" and no_data(page), "the end")
     assert inert(page) == {True} and "not connected" in no_data(page)
     page.page.click("#stop")
-    until(lambda: "not confirmed" in page.page.locator("#stop-state").inner_text(), "the red line")
+    until(lambda: "not been confirmed" in page.page.locator("#stop-state").inner_text(), "the red line")
     page.page.close()
 
 
@@ -136,7 +141,7 @@ def test_controls_of_a_session_that_is_gone_are_disabled(browser: Any, tmp_path:
 
 def test_changes_wait_in_a_list_with_one_forecast_and_one_apply(browser: Any, tmp_path: Path) -> None:
     walk = Walk(tmp_path, "treadmill")
-    page = Page(browser, walk, asks=True)
+    page = Page(browser, walk, forecasts=True)
     lines = page.page.locator("#panel-forecast li")
     try:
         page.wait(2.0)
@@ -145,8 +150,12 @@ def test_changes_wait_in_a_list_with_one_forecast_and_one_apply(browser: Any, tm
         begun = page.value(K), page.value(HIP)
         page.type(K, 9.0)  # above the present value, and above the published range
         page.type(HIP, -22.5)
-        told = page.forecast()
-        assert lines.count() == 2 and "Unusual: middle stance: knee k 9.00" in told and "Walks on" in told
+        forecast = page.forecast()
+        assert (
+            lines.count() == 2
+            and "Unusual: middle stance: knee k 9.00" in forecast
+            and "Walks on" in forecast
+        )
         assert (page.value(K), page.value(HIP)) == (9.0, -22.5)
         assert not any(item["changed"] for item in page.controls().values())
         # A refusal is that of the last edit alone.
@@ -216,16 +225,16 @@ def test_a_forecast_is_made_again_after_a_hold_and_after_a_change_of_another_pag
 
 
 def test_a_silence_does_not_discard_a_forecast(page: Page) -> None:
-    """On a slow machine the next silence came before the next forecast, and nothing could be applied."""
+    """Regression: on a slow machine silence before the next forecast disabled the button Apply."""
     page.tab("table")
     page.page.click('.chip[data-phase="middle_stance"]')
     page.type(K, 8.3)
     page.forecast()
     beats = """() => {
-        const hear = livePanel.link.socket.onmessage, classes = document.body.classList;
-        const silent = [2, 0].map((time_since_message_s) => {
-            hear({data: JSON.stringify([{kind: "heartbeat", time_since_message_s: time_since_message_s}])});
-            return classes.contains("silent"); });
+        const receive = livePanel.link.socket.onmessage, classes = document.body.classList;
+        const silent = [2, 0].map((seconds) => {
+            receive({data: JSON.stringify([{kind: "heartbeat", time_since_message_s: seconds}])});
+            return classes.contains("without-data"); });
         return [...silent, livePanel.changes.busy, livePanel.changes.edits.length]; }"""
     # The first look of a page that stood still itself counts for nothing.
     found = until(lambda: (now := page.page.evaluate(beats))[0] and now, "a silence")
@@ -238,15 +247,15 @@ def test_a_silence_does_not_discard_a_forecast(page: Page) -> None:
 
 def test_break_it_begins_with_a_place_that_fits(page: Page) -> None:
     page.tab("disturb")
-    place = page.page.locator('[data-control="place"] select')
+    selector = page.page.locator('[data-control="place"] select')
     offered = {}
     for kind in ("supply_dip", "foot_load_stuck", "encoder_freeze"):
         page.page.select_option('[data-control="kind"] select', kind)
-        offered[kind] = place.locator("option").evaluate_all("list => list.map((one) => one.value)")
+        offered[kind] = selector.locator("option").evaluate_all("list => list.map((one) => one.value)")
     assert offered["supply_dip"] == [""] and offered["foot_load_stuck"] == ["left_foot", "right_foot"]
-    assert "left_hip" in offered["encoder_freeze"] and place.input_value() == "left_hip"
+    assert "left_hip" in offered["encoder_freeze"] and selector.input_value() == "left_hip"
     page.page.click("#panel-body [data-action=fault]")
-    done = page.page.locator(".deed .done")
+    done = page.page.locator(".action .done")
     until(lambda: done.count() > 0, "the fault")
     assert "encoder_freeze:left_hip" in done.inner_text()
     page.page.click("[data-action=restart]")
@@ -265,15 +274,15 @@ def test_the_key_of_the_tooltip_changes_light_and_dark_but_not_while_typing(page
 
 
 def test_the_log_is_in_the_order_of_walks_and_ticks(page: Page) -> None:
-    hear = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
+    receive = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
     phases = page.page.evaluate("[...livePanel.board.colours.values()]")
 
     def event(serial: int, tick: int, text: str, **rest: str) -> dict[str, Any]:
         words = {"kind": "event", "response": "applied", "id": "", "subject": "", **rest}
         return {**words, "serial": serial, "tick": tick, "text": text}
 
-    # A forecast belongs to the moment that it was asked at, and comes later.
+    # A forecast belongs to the time of its request, and arrives later.
     events = [event(1, 100, "a"), event(2, 900, "c"), event(3, 500, "b", response="forecast"),
               event(4, 0, "again", subject="restart"), event(5, 50, "d")]  # fmt: skip
-    page.page.evaluate(hear, [{"kind": "page", "session": "another", "phases": phases}, *events])
+    page.page.evaluate(receive, [{"kind": "page", "session": "another", "phases": phases}, *events])
     assert page.log() == ["d", "again", "c", "b", "a"]

@@ -1,4 +1,4 @@
-"""The server of the live page: who may talk to it, what a page is told, what a frozen page costs."""
+"""Tests of the server of the live page: access, published messages, and the effect of a frozen page."""
 
 import asyncio
 import json
@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from errors import raises
+from errors import raises, states
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scene_messages import unpacked
@@ -39,11 +39,11 @@ from twin_gait.viewer.server import (
 PAGE = "<!DOCTYPE html><title>page</title>"
 
 
-class Told(LivePageServer):
-    """A server with nothing behind it, which remembers what it heard."""
+class RecordingServer(LivePageServer):
+    """Server without a simulation that records received messages."""
 
     def __init__(self, window: CommandBuffer, port: int = 0) -> None:
-        self.heard: list[str] = []
+        self.received: list[str] = []
         self.stops, self.confirms, self.window = 0, True, window
         SceneServer.__init__(self, PAGE, first_port=port)
 
@@ -54,8 +54,8 @@ class Told(LivePageServer):
         return [("scene", self.window.packed())] if self.window.commands() else []
 
     def receive(self, panel: Any, text: str) -> None:
-        self.heard.append(text)
-        panel.send({"kind": "heard", "text": text})
+        self.received.append(text)
+        panel.send({"kind": "received", "text": text})
 
     async def stop(self) -> bool:
         self.stops += 1
@@ -63,16 +63,16 @@ class Told(LivePageServer):
 
 
 class Listener:
-    """Such a server and its clients."""
+    """Recording server and its clients."""
 
     def __init__(self, window: CommandBuffer | None = None) -> None:
-        self.server = Told(window or CommandBuffer())
+        self.server = RecordingServer(window or CommandBuffer())
         self.origin, self.key = self.server.url.split("/?")
         self.clients: list[Any] = []
 
     @property
-    def heard(self) -> list[str]:
-        return self.server.heard
+    def received(self) -> list[str]:
+        return self.server.received
 
     @property
     def stops(self) -> int:
@@ -109,8 +109,8 @@ def with_listener(scene: Callable[[Listener], Awaitable[None]], window: CommandB
     asyncio.run(run())
 
 
-async def told(panel: Any, kind: str) -> dict[str, Any]:
-    """The next message of a kind."""
+async def receive(panel: Any, kind: str) -> dict[str, Any]:
+    """Return the next message of a kind."""
     while True:
         batch = await asyncio.wait_for(panel.read_message(), 5.0)
         assert batch is not None, "the socket was closed"
@@ -127,7 +127,7 @@ async def until(true: Callable[[], bool]) -> None:
 
 
 def frozen_page(listener: Listener, path: str) -> socket.socket:
-    """A page that has opened its socket and reads no more."""
+    """Open a socket that is no longer read."""
     port = listener.server.port
     page = socket.create_connection(("127.0.0.1", port))
     page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -196,7 +196,7 @@ def test_another_origin_gets_no_page_and_cannot_stop() -> None:
         # A form of another site may leave its origin out; a stop needs ours.
         assert (await listener.fetch("/stop", method="POST", body=b"")).code == 403
         assert (await listener.fetch("/stop", method="GET")).code == 403
-        assert b"answers its own pages only" in (await listener.fetch("/stop", method="GET")).body
+        assert b"only pages of this server" in (await listener.fetch("/stop", method="GET")).body
         assert listener.stops == 0
         own = {"Origin": listener.origin}
         assert (await listener.fetch("/stop", method="POST", headers=own, body=b"")).code == 200
@@ -259,7 +259,7 @@ def test_other_names_are_not(host: str) -> None:
 
 
 def listening_addresses() -> set[str]:
-    """Addresses on which this process listens, as the kernel lists them."""
+    """Return the addresses on which this process listens, as the kernel lists them."""
     own = set()
     for descriptor in Path("/proc/self/fd").iterdir():
         target = os.readlink(descriptor) if descriptor.is_symlink() else ""
@@ -284,10 +284,10 @@ def test_nothing_listens_on_another_address() -> None:
     with_listener(scene)
 
 
-def test_taken_port_gives_way_to_the_next() -> None:
+def test_occupied_port_is_replaced_by_the_next() -> None:
     async def scene(listener: Listener) -> None:
         taken = listener.server.port
-        second = Told(CommandBuffer(), taken)
+        second = RecordingServer(CommandBuffer(), taken)
         try:
             assert taken < second.port < taken + 100
             assert second.url.startswith(f"http://127.0.0.1:{second.port}/?token=")
@@ -298,10 +298,10 @@ def test_taken_port_gives_way_to_the_next() -> None:
     with_listener(scene)
 
 
-def test_no_free_port_is_one_line_with_the_way_out() -> None:
+def test_no_free_port_is_one_line_with_a_suggestion() -> None:
     async def run() -> None:
         with raises(ViewerError, "--port") as caught:
-            Told(CommandBuffer(), 65535)
+            RecordingServer(CommandBuffer(), 65535)
         assert "\n" not in str(caught.value)
 
     with socket.socket() as blocker:
@@ -315,7 +315,7 @@ def test_no_free_port_is_one_line_with_the_way_out() -> None:
 # ---------------------------------------------------------------------- how many, and how long
 
 
-def hung_up(caller: socket.socket, within: float) -> bool:
+def disconnected(caller: socket.socket, within: float) -> bool:
     caller.settimeout(within)
     try:
         while caller.recv(4096):
@@ -327,12 +327,12 @@ def hung_up(caller: socket.socket, within: float) -> bool:
     return True
 
 
-def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_and_slow_clients_are_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scene_server, "REQUEST_TIMEOUT", 0.3)
 
     async def scene(listener: Listener) -> None:
         head = f"Host: 127.0.0.1:{listener.server.port}\r\nOrigin: {listener.origin}\r\n"
-        said = {
+        openings = {
             "nothing": "",
             "half a request": "GET / HT",
             "half the headers": f"GET /?{listener.key} HTTP/1.1\r\n{head}",
@@ -340,12 +340,12 @@ def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.Mo
             "half a body": f"POST /stop?{listener.key} HTTP/1.1\r\n{head}Content-Length: 9\r\n\r\nabc",
         }
         panel = await listener.connect("/panel")
-        for what, text in said.items():
+        for name, text in openings.items():
             with socket.create_connection(("127.0.0.1", listener.server.port)) as caller:
                 caller.sendall(text.encode())
-                assert await asyncio.to_thread(hung_up, caller, 3.0), what
+                assert await asyncio.to_thread(disconnected, caller, 3.0), name
         await panel.write_message("still here")  # an open page may be silent for as long as it likes
-        assert (await told(panel, "heard"))["text"] == "still here"
+        assert (await receive(panel, "received"))["text"] == "still here"
         assert not listener.stops
 
     with_listener(scene)
@@ -364,7 +364,7 @@ asyncio.run(run())
 """
 
 
-def test_many_callers_cost_no_words_and_leave_files_to_the_program() -> None:
+def test_many_clients_cause_no_output_and_leave_file_descriptors_free() -> None:
     """130 of them at ``ulimit -n 128`` gave 23 MB of traces in seconds."""
     with subprocess.Popen(
         [sys.executable, "-c", FEW_FILES], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -374,14 +374,14 @@ def test_many_callers_cost_no_words_and_leave_files_to_the_program() -> None:
         url = process.stdout.readline().strip()
         callers = [socket.create_connection(("127.0.0.1", urlsplit(url).port)) for _ in range(130)]
         time.sleep(0.5)
-        inside = [caller for caller in callers if not hung_up(caller, 0.01)]
+        inside = [caller for caller in callers if not disconnected(caller, 0.01)]
         assert len(inside) == 32  # half of the files are for connections, and half of those for the token
         for caller in callers:
             caller.close()
         page = urllib.request.urlopen(url, timeout=5.0).read()
-        _, said = process.communicate()
+        _, output = process.communicate()
     assert page == b"page"
-    assert said == ""
+    assert output == ""
 
 
 IDLE = 320  # connections without the token, which shut out the owner before
@@ -410,14 +410,14 @@ def test_owner_is_answered_while_idle_connections_without_the_token_are_renewed(
             await asyncio.to_thread(attack, IDLE // ROUNDS)
         assert listener.stops == ROUNDS
         await panel.write_message("still here")  # what has shown the token is not closed
-        assert (await told(panel, "heard"))["text"] == "still here"
+        assert (await receive(panel, "received"))["text"] == "still here"
         for caller in idle:
             caller.close()
 
     with_listener(scene)
 
 
-def test_who_does_not_show_the_token_is_hung_up_on_early(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clients_without_the_token_are_disconnected_early(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scene_server, "FIRST_REQUEST", 0.1)
 
     async def scene(listener: Listener) -> None:
@@ -426,10 +426,10 @@ def test_who_does_not_show_the_token_is_hung_up_on_early(monkeypatch: pytest.Mon
         for text in ("", wrong):
             with socket.create_connection(address) as caller:
                 caller.sendall(text.encode())
-                assert await asyncio.to_thread(hung_up, caller, 5.0), text
+                assert await asyncio.to_thread(disconnected, caller, 5.0), text
         with socket.create_connection(address) as owner:
             owner.sendall(wrong.replace("token=wrong", listener.key).encode())
-            assert not await asyncio.to_thread(hung_up, owner, 0.5)
+            assert not await asyncio.to_thread(disconnected, owner, 0.5)
 
     with_listener(scene)
 
@@ -445,17 +445,17 @@ def test_a_stop_that_the_simulation_does_not_confirm_is_not_answered_as_done() -
     with_listener(scene)
 
 
-# ---------------------------------------------------------------------- what is said
+# ---------------------------------------------------------------------- received messages
 
 
-def test_message_is_handed_on_as_it_came() -> None:
+def test_message_is_forwarded_unchanged() -> None:
     async def scene(listener: Listener) -> None:
         panel = await listener.connect("/panel")
-        assert (await told(panel, "state"))["number"] == 1
+        assert (await receive(panel, "state"))["number"] == 1
         for text in ('{"kind": "set"}', "[", "", "ünïcode \u2028", "x" * 60000):
             await panel.write_message(text)
-            assert (await told(panel, "heard"))["text"] == text
-        assert len(listener.heard) == 5
+            assert (await receive(panel, "received"))["text"] == text
+        assert len(listener.received) == 5
 
     with_listener(scene)
 
@@ -463,15 +463,15 @@ def test_message_is_handed_on_as_it_came() -> None:
 def test_oversized_message_ends_its_socket_and_no_other() -> None:
     async def scene(listener: Listener) -> None:
         guilty, other = await listener.connect("/panel"), await listener.connect("/panel")
-        await told(guilty, "state")
+        await receive(guilty, "state")
         await guilty.write_message("x" * (LONGEST_MESSAGE + 1))
         while await asyncio.wait_for(guilty.read_message(), 5.0) is not None:
             pass
         assert guilty.close_code == 1009
         await until(lambda: len(listener.server.pages) == 1)
         await other.write_message("still here")
-        assert (await told(other, "heard"))["text"] == "still here"
-        assert listener.heard == ["still here"]
+        assert (await receive(other, "received"))["text"] == "still here"
+        assert listener.received == ["still here"]
 
     with_listener(scene)
 
@@ -482,13 +482,13 @@ def test_socket_of_the_scene_does_not_listen() -> None:
         await view.write_message('{"kind": "do", "action": "stop"}')
         panel = await listener.connect("/panel")
         await panel.write_message("after")
-        await told(panel, "heard")
-        assert listener.heard == ["after"] and not listener.stops
+        await receive(panel, "received")
+        assert listener.received == ["after"] and not listener.stops
 
     with_listener(scene)
 
 
-def test_page_gets_no_more_before_it_has_drawn_what_came() -> None:
+def test_page_receives_no_more_before_it_has_drawn_the_last_frame() -> None:
     window = CommandBuffer()
 
     async def scene(listener: Listener) -> None:
@@ -514,7 +514,7 @@ def test_page_gets_no_more_before_it_has_drawn_what_came() -> None:
     with_listener(scene, window)
 
 
-# ---------------------------------------------------------------------- what pages are told
+# ---------------------------------------------------------------------- published messages
 
 
 def test_page_that_comes_late_gets_the_whole_scene() -> None:
@@ -552,7 +552,7 @@ def test_several_pages_get_every_change() -> None:
     with_listener(scene, window)
 
 
-def test_frozen_page_misses_frames_and_delays_nobody() -> None:
+def test_frozen_page_misses_frames_and_delays_no_other_page() -> None:
     window = CommandBuffer()
 
     async def scene(listener: Listener) -> None:
@@ -642,8 +642,8 @@ def test_slow_page_ends_with_the_last_value_of_every_key(steps: list[tuple[str, 
 
         outbox = SendBuffer(write)
         truth: dict[int, int] = {}
-        for what, key, value in steps:
-            if what == "post":
+        for kind, key, value in steps:
+            if kind == "post":
                 truth[key] = value
                 outbox.post([(key, (key, value))])
             else:
@@ -658,7 +658,7 @@ def test_slow_page_ends_with_the_last_value_of_every_key(steps: list[tuple[str, 
     asyncio.run(run())
 
 
-def test_redrawn_object_forgets_nothing_for_late_pages() -> None:
+def test_redrawn_object_is_complete_for_late_pages() -> None:
     from twin_gait.viewer import shapes
     from twin_gait.viewer.commands import Material
 
@@ -673,18 +673,18 @@ def test_redrawn_object_forgets_nothing_for_late_pages() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "facts"),
     [
-        (["nosuch"], "nosuch: neither a preset"),
-        (["--port", "99999"], "--port: expected 0 to 65535, got 99999"),
-        (["--duration", "-1"], "duration"),
-        (["--duration", "nan"], "duration"),
-        (["--set", "patient.mass_kg=x"], "patient.mass_kg"),
-        (["--out", "taken"], "taken: exists; choose another --out"),
+        (["nosuch"], ("nosuch",)),
+        (["--port", "99999"], ("--port", "0", "65535", "99999")),
+        (["--duration", "-1"], ("duration_s", "-1")),
+        (["--duration", "nan"], ("duration_s", "nan")),
+        (["--set", "patient.mass_kg=x"], ("patient.mass_kg", "x")),
+        (["--out", "taken"], ("taken", "--out")),
     ],
 )
-def test_wrong_words_end_in_one_line_and_leave_nothing(
-    words: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+def test_wrong_arguments_end_in_one_line_and_leave_nothing(
+    words: list[str], facts: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     (tmp_path / "taken").mkdir()
     monkeypatch.chdir(tmp_path)
@@ -692,7 +692,7 @@ def test_wrong_words_end_in_one_line_and_leave_nothing(
     assert main(["live", *words, "--no-browser"]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert captured.err.count("\n") == 1 and told in captured.err
+    assert captured.err.count("\n") == 1 and states(captured.err, *facts)
     assert sorted(item.name for item in tmp_path.iterdir()) == ["taken"]
 
 

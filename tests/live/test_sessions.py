@@ -1,4 +1,4 @@
-"""The record of live sessions: what is kept, and what is left of it after a kill."""
+"""Tests of the record of live sessions: stored entries, and entries that survive a kill."""
 
 import json
 import os
@@ -50,7 +50,7 @@ def change(serial, *, response="applied", user="Ann", value=1.3):
 
 @pytest.fixture
 def record(tmp_path):
-    """A record with one session that ended and one that is going on."""
+    """Return a record with one finished and one running session."""
     path = tmp_path / "deep" / "sessions"
     first = SessionRecorder(
         path, user="Ann", experiment="treadmill", document={"duration_s": 600}, folder=Path("run")
@@ -115,7 +115,7 @@ def test_sessions_are_listed_newest_first_and_per_user(record):
     assert [ann[name] for name in ("changes", "refusals", "versions")] == [1, 1, 2] and ann["ended"]
 
 
-def test_a_session_without_an_end_goes_on_while_its_process_lives_and_was_killed_afterwards(tmp_path):
+def test_a_session_without_an_end_is_running_or_killed_depending_on_its_process(tmp_path):
     with subprocess.Popen([sys.executable, str(FAKE), str(tmp_path)], stdout=subprocess.PIPE) as process:
         process.stdout.readline()
         assert [item["status"] for item in list_sessions(tmp_path)] == [RUNNING]
@@ -174,15 +174,15 @@ def test_two_sessions_at_once_keep_apart(tmp_path):
 
 
 def killed_after(database, delay):
-    """Run the fake session for a while, kill it; give its number, the time of the kill and its changes."""
+    """Run the fake session, kill it, and return its number, the time of the kill and its changes."""
     with subprocess.Popen(
         [sys.executable, str(FAKE), str(database)], stdout=subprocess.PIPE, text=True
     ) as process:
         number = int(process.stdout.readline().split()[1])
         threading.Timer(delay, process.send_signal, (signal.SIGKILL,)).start()
         lines = process.stdout.readlines()
-    told = [line.split() for line in lines if line.endswith("\n")]
-    changes = {int(serial): float(at) for _, serial, at in told}
+    printed = [line.split() for line in lines if line.endswith("\n")]
+    changes = {int(serial): float(at) for _, serial, at in printed}
     return number, max(changes.values(), default=time.monotonic()), changes
 
 
@@ -201,7 +201,7 @@ def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_la
     assert all(item["ended"] is None for item in list_sessions(path))
 
 
-def test_what_is_older_than_a_second_is_kept_when_the_process_is_killed(tmp_path):
+def test_entries_older_than_a_second_survive_a_kill_of_the_process(tmp_path):
     path = tmp_path / "sessions"
     number, last, changes = killed_after(path, 1.8)
     kept = {item["serial"] for item in read_session(path, number)["log"]}
@@ -212,7 +212,7 @@ def test_what_is_older_than_a_second_is_kept_when_the_process_is_killed(tmp_path
 # ---------------------------------------------------------------------- mistakes
 
 
-def test_a_record_that_is_none_is_refused_in_one_line(tmp_path):
+def test_an_invalid_record_is_refused_in_one_line(tmp_path):
     (tmp_path / "text.sqlite").write_text("the record of an earlier version")
     for name, line in (("noise", "no session\n"), ("other", '{"a": 1}\n')):
         (tmp_path / name).mkdir()
@@ -241,7 +241,7 @@ def test_the_record_is_for_its_user_alone(tmp_path):
     assert modes == [0o700, 0o600]
 
 
-def test_the_record_is_where_the_variable_says(monkeypatch, tmp_path):
+def test_the_record_is_at_the_path_of_the_variable(monkeypatch, tmp_path):
     monkeypatch.setenv(sessions.FOLDER_VARIABLE, str(tmp_path / "mine"))
     assert default_records() == tmp_path / "mine"
     monkeypatch.delenv(sessions.FOLDER_VARIABLE)
@@ -262,11 +262,11 @@ def call(*words):
 def test_the_command_lists_shows_exports_and_deletes(record, capsys):
     assert call("--records", record, "list") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 2 and "Ben" in lines[0] and "1 changes, 1 refused, 2 table versions" in lines[1]
+    assert len(lines) == 2 and "Ben" in lines[0] and "1 changes, 1 rejected, 2 table versions" in lines[1]
     assert call("--records", record, "show", 1) == 0
     shown = capsys.readouterr().out
     assert "tick      10  applied Ann  late_stance.hip.stiffness: 1.17 → 1.3" in shown
-    assert "tick      20  refused Ann  late_stance.hip.stiffness: " in shown
+    assert "tick      20  rejected Ann  late_stance.hip.stiffness: " in shown
     assert call("--records", record, "export", 1) == 0
     assert json.loads(capsys.readouterr().out) == read_session(record, 1)
     assert call("--records", record, "delete", 1) == 0

@@ -1,4 +1,4 @@
-"""After a trip or the operator's Stop the belt comes to rest and the harness locks: nobody falls."""
+"""Tests that after a trip or the Stop of the operator the belt stops and the harness locks without a fall."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_trip_brings_a_belt_to_rest(belt, trip_time):
         assert (np.diff(speeds[times > trip_time]) <= 0.0).all()
 
 
-def test_a_belt_that_knows_of_no_trip_runs_on():
+def test_a_belt_without_a_stop_ramp_keeps_running_after_a_trip():
     on = replace(EVEN, stop_ramp=math.inf)
     assert treadmill_speed(on, 9.0, 1.0) == on.cruise
 
@@ -75,7 +75,7 @@ def column(run, name, first=0):
 
 
 def feet(run, tick):
-    """Load in [N] and speed in [m/s] of each foot: the fastest of heel and toe that touch the belt."""
+    """Return load [N] and speed [m/s] of each foot: the faster of heel and toe that touch the belt."""
     model, layout, rows = run.setup.world.model, run.layout, run.rows(tick - 1)
     postures = rows[:2, [layout.names.index(name) for name in state_columns(model)[0]]]
     found = []
@@ -99,7 +99,7 @@ def test_forty_stops_spread_over_the_stride_end_in_no_fall(walk):
             assert load < CONTACT_FORCE or speed < 0.02, (moment, load, speed)
 
 
-PLACES = {FaultKind.FOOT_LOAD_STUCK: ":left_foot", FaultKind.SUPPLY_DIP: ""}
+TARGETS = {FaultKind.FOOT_LOAD_STUCK: ":left_foot", FaultKind.SUPPLY_DIP: ""}
 
 
 MOMENTS = (3000, 3500, 4200, 4800)
@@ -110,7 +110,7 @@ def test_no_other_fault_makes_the_wearer_fall(walk, kind):
     for moment in MOMENTS:
         walk.restart()
         walk.advance(moment)
-        walk.inject(parse_fault(f"{kind}{PLACES.get(kind, ':left_knee')}@0s"))
+        walk.inject(parse_fault(f"{kind}{TARGETS.get(kind, ':left_knee')}@0s"))
         walk.advance(5000)
         assert walk.status is RunStatus.COMPLETED, (moment, walk.reason)
         trip = walk.trip
@@ -119,7 +119,7 @@ def test_no_other_fault_makes_the_wearer_fall(walk, kind):
 
 
 def test_a_controller_that_runs_away_with_a_knee_is_held_before_the_wearer_falls(walk):
-    """The monitor sees the command leave its set point (page faults); without this bound one moment fell."""
+    """The monitor detects a command that leaves its setpoint (page faults); without it one case fell."""
     for moment in MOMENTS:
         walk.restart()
         walk.advance(moment)
@@ -181,8 +181,8 @@ def test_parameters_are_read_checked_and_written():
     experiment = load_experiment("treadmill", settings).experiment
     assert experiment.scenario.stop_ramp == 0.8 and experiment.scenario.support.lock_stiffness == 5000.0
     on = replace(experiment, scenario=replace(experiment.scenario, stop_ramp=math.inf))
-    for item, told in ((experiment, 0.8), (on, None)):
-        assert experiment_document(item)["scenario"]["stop_ramp_s"] == told
+    for item, expected in ((experiment, 0.8), (on, None)):
+        assert experiment_document(item)["scenario"]["stop_ramp_s"] == expected
 
 
 @pytest.mark.parametrize(

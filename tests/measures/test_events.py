@@ -50,7 +50,7 @@ def test_the_trip_is_the_first_tick_of_the_hold_in_the_log(tripped):
     assert held.iloc[0] == pytest.approx(trip_time(tripped.events), abs=1e-9)
 
 
-def test_a_directory_tells_the_same_events(tripped, tmp_path):
+def test_a_run_directory_has_the_same_events(tripped, tmp_path):
     write_run(tripped, tmp_path, pictures=False)
     stored = read_stored_run(tmp_path)
     assert stored.run.trip == tripped.trip
@@ -73,7 +73,7 @@ def test_a_run_that_went_well_has_no_events(status, kinds):
 
 
 @pytest.mark.slow
-def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tmp_path):
+def test_a_fault_injected_in_a_live_walk_is_one_of_its_events(tmp_path):
     given = "faults=['supply_dip@1.4s']"  # later than the end of the walk
     loaded = load_experiment("bench_leg", [given, "duration_s=1.5"])
     problem = build_setup(loaded.experiment)

@@ -65,7 +65,7 @@ def test_both_feet_carry_for_a_quarter_of_the_stride():
     assert math.isnan(double_support_share(left, right, strides[:0]))
 
 
-def test_strides_of_two_walks_leave_out_what_is_between():
+def test_strides_of_two_walks_exclude_the_time_between_them():
     bounds = np.array([[10, 20], [20, 30], [80, 90]])
     assert join_strides(bounds).tolist() == [[10, 30], [80, 90]]
     assert values_in_strides(np.arange(100), bounds).tolist() == [*range(10, 30), *range(80, 90)]
@@ -102,7 +102,7 @@ def test_mean_score_is_the_root_mean_square_of_the_scores():
 # ---------------------------------------------------------------- device and wearer
 
 
-def test_motor_that_only_accelerates_its_rotor_does_nothing_on_the_leg():
+def test_motor_that_only_accelerates_its_rotor_does_no_work_on_the_leg():
     time = np.arange(2000) * TICK
     velocity = np.sin(3.0 * time)
     motor = 3.3 * 3.0 * np.cos(3.0 * time)  # the rotor's inertia times the exact acceleration
@@ -110,7 +110,7 @@ def test_motor_that_only_accelerates_its_rotor_does_nothing_on_the_leg():
     assert np.abs(left[1:-1]).max() < 3.3 * 3.0**3 * TICK**2 / 6.0 * 1.01  # error of the central difference
 
 
-def test_friction_eats_what_the_motor_gives():
+def test_friction_dissipates_the_motor_work():
     still = np.zeros(5)
     assert_allclose(interaction_torque(still + 4.0, still - 1.5, still, 3.3, TICK), 2.5)
 
@@ -122,7 +122,7 @@ def test_positive_work_of_a_torque_in_phase_with_the_velocity():
     assert positive_work(-torque, velocity, TICK) == 0.0
 
 
-def test_wearer_who_does_as_much_as_the_device_does_half():
+def test_wearer_with_the_same_work_as_the_device_has_a_share_of_one_half():
     assert share_of_work(3.0, 3.0) == 0.5
     assert share_of_work(0.0, 3.0) == 0.0
     assert math.isnan(share_of_work(0.0, 0.0))
@@ -139,7 +139,7 @@ def test_root_mean_square_of_three_and_four():
     assert math.isnan(root_mean_square(np.zeros(0)))
 
 
-def test_battery_of_92_watt_hours_gives_ten_watts_for_nine_hours():
+def test_battery_of_92_watt_hours_supplies_ten_watts_for_nine_hours():
     assert battery_life(92.2 * 3600.0, 10.0) / 3600.0 == pytest.approx(9.22)
     assert battery_life(92.2 * 3600.0, -1.0) == math.inf
     assert math.isnan(battery_life(92.2 * 3600.0, math.nan))
@@ -168,7 +168,7 @@ def read_csv(path) -> pd.DataFrame:
     return table.astype({name: float for name in names if name not in words})
 
 
-def test_measures_survive_a_csv_to_the_last_bit(walk, tmp_path):
+def test_measures_survive_a_csv_bit_for_bit(walk, tmp_path):
     path = tmp_path / "log.csv"
     export_csv(walk, path)
     back = read_csv(path)

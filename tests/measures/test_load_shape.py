@@ -87,7 +87,7 @@ def test_least_loads_are_there_without_two_peaks() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_prominent_peaks_are_those_of_scipy(seed: int) -> None:
+def test_prominent_peaks_equal_scipy(seed: int) -> None:
     curve = np.cumsum(np.random.default_rng(seed).normal(size=101))
     expected = find_peaks(curve, prominence=1.0)[0]
     assert len(expected) > 0

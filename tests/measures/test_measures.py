@@ -217,7 +217,7 @@ def test_reference_repeats_every_cycle() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.5, math.nan])
-def test_reference_refuses_speeds_that_it_was_not_made_for(speed: float) -> None:
+def test_reference_rejects_speeds_outside_its_range(speed: float) -> None:
     assert not reference_covers(speed)
     with raises(ParameterError, "0.14", "1.39 m/s"):
         reference_curve(JointName.HIP, PERCENT, speed=speed, height=HEIGHT)
@@ -231,16 +231,16 @@ def test_reference_refuses_speeds_that_it_was_not_made_for(speed: float) -> None
         (partial(reference_curve, speed=1.0, height=1.75), "elbow", ("hip", "knee", "ankle")),
     ],
 )
-def test_a_joint_without_a_curve_is_refused_with_those_that_have_one(curve, joint, known) -> None:
+def test_a_joint_without_a_curve_is_refused_with_the_joints_that_have_one(curve, joint, known) -> None:
     with raises(ParameterError, "joint", *known, joint):
         curve(joint, np.zeros(1))
 
 
-def test_strides_that_last_no_time_have_no_cadence() -> None:
+def test_strides_of_zero_duration_have_no_cadence() -> None:
     assert math.isnan(cadence(np.zeros(2)))
 
 
-def test_reference_refuses_a_height_that_gives_no_step() -> None:
+def test_reference_rejects_a_height_without_a_step_length() -> None:
     with raises(ParameterError, "height", "0.5"):
         reference_cycle_time(0.4, 0.5)
 
@@ -255,7 +255,7 @@ def square_force(*spells: tuple[int, int], length: int = 5000) -> np.ndarray:
     return force
 
 
-def test_square_wave_gives_its_edges_as_contacts() -> None:
+def test_contacts_of_a_square_wave_are_its_edges() -> None:
     contacts = find_foot_contacts(square_force((1000, 1800), (2200, 3000)), TICK)
     assert_array_equal(contacts.heel_strikes, [1000, 2200])
     assert_array_equal(contacts.toe_offs, [1800, 3000])
@@ -268,7 +268,7 @@ def test_leg_that_starts_in_stance_has_not_struck() -> None:
     assert_array_equal(contacts.toe_offs, [500, 1800])
 
 
-def test_bounce_and_scuff_are_told_apart() -> None:
+def test_bounce_and_scuff_are_distinguished() -> None:
     # Lands at 1000, lifts off for 60 ms at 1100, leaves at 1800; touches for 30 ms at 2100 in swing.
     force = square_force((1000, 1100), (1160, 1800), (2100, 2130), (2500, 3300))
     contacts = find_foot_contacts(force, TICK)
@@ -278,7 +278,7 @@ def test_bounce_and_scuff_are_told_apart() -> None:
     assert_array_equal(find_scuffs(contacts), [2100])
 
 
-def test_force_that_trembles_about_a_threshold_is_one_contact() -> None:
+def test_force_that_oscillates_about_a_threshold_is_one_contact() -> None:
     force = square_force((1000, 1800))
     force[1000:1100] = np.where(np.arange(100) % 2, 15.0, 25.0)
     force[1800:1900] = np.where(np.arange(100) % 2, 15.0, 25.0)
@@ -290,7 +290,7 @@ def test_force_that_trembles_about_a_threshold_is_one_contact() -> None:
 
 
 @pytest.mark.parametrize("away", [60, 240, 260, 500, 800])
-def test_heel_that_bounces_strikes_at_its_first_touch_however_long_it_is_away(away: int) -> None:
+def test_bouncing_heel_strikes_at_its_first_contact(away: int) -> None:
     """The belt takes the leg back meanwhile; a swing of 400 ticks takes it forwards."""
     landed = (1000, 4000)
     touches = ((at, at + 100) for at in landed)
@@ -314,7 +314,7 @@ def test_scuff_before_the_first_strike_counts_after_a_toe_off_only() -> None:
 
 
 @pytest.mark.parametrize("unknown", [slice(1000, 1001), slice(1200, 1201), slice(900, 1500)])
-def test_a_gap_in_the_hip_angle_costs_no_stride(unknown) -> None:
+def test_a_gap_in_the_hip_angle_loses_no_stride(unknown) -> None:
     force, hip = square_force((400, 1000), (1400, 2000)), np.zeros(5000)
     hip[1000:1400] = np.linspace(0.0, 0.5, 400)
     hip[unknown] = math.nan
@@ -330,7 +330,7 @@ def test_clearance_is_the_least_of_the_middle_half() -> None:
     assert_allclose(swing_clearances(clearance, contacts), [0.015])
 
 
-def test_swing_that_the_record_cuts_off_has_no_clearance() -> None:
+def test_swing_cut_off_by_the_record_has_no_clearance() -> None:
     contacts = FootContacts(np.array([1000]), np.array([1600]), np.array([], dtype=int))
     assert find_swings(contacts).shape == (0, 2)
     assert len(swing_clearances(np.zeros(2000), contacts)) == 0
@@ -482,7 +482,7 @@ def test_saturation_is_counted_per_cause_and_once_together() -> None:
     )
 
 
-def test_battery_gives_and_takes() -> None:
+def test_battery_is_discharged_and_charged() -> None:
     use = battery_use(np.repeat([100.0, -20.0], 500), TICK, 330.0)
     assert tuple(use.values()) == pytest.approx((40.0, 100.0, -20.0, 40.0, 40.0 / 330.0))
 
@@ -515,7 +515,7 @@ def test_energy_of_a_driven_oscillator_balances() -> None:
     assert balance["energy_throughput_J"] == pytest.approx(-2.0 * drag_work[-1])
 
 
-def test_energy_that_comes_from_nowhere_is_found() -> None:
+def test_unexplained_energy_is_detected() -> None:
     work = np.linspace(0.0, 50.0, 101)
     energy = 700.0 + work
     energy[60:] += 0.3

@@ -14,7 +14,7 @@ from twin_gait.vocabulary import JointName
 
 
 @pytest.mark.parametrize("joint", JointName)
-def test_the_curve_has_the_bits_of_scipy(joint: JointName) -> None:
+def test_the_curve_equals_scipy_bit_for_bit(joint: JointName) -> None:
     draw = np.random.default_rng(20)
     for speed, height in zip(
         draw.uniform(SLOWEST, FASTEST, size=30), draw.uniform(1.45, 2.0, size=30), strict=True
@@ -28,12 +28,12 @@ def test_the_curve_has_the_bits_of_scipy(joint: JointName) -> None:
         assert np.array_equal(curve.ravel(), spline(np.mod(percent, CYCLE)))
 
 
-def test_a_number_is_a_percent_too() -> None:
+def test_a_single_number_is_accepted_as_percent() -> None:
     one = reference_curve(JointName.KNEE, np.array(40.0), speed=0.5, height=1.75)
     assert one.shape == () and 0.0 < float(one) < 0.2
 
 
-def test_a_run_is_simulated_checked_and_summed_up_without_scipy() -> None:
+def test_a_run_is_simulated_checked_and_summarised_without_scipy() -> None:
     """Its sub-packages take longer to import than a walk to simulate."""
     code = (
         "import sys\n"

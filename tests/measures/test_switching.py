@@ -51,7 +51,7 @@ def test_stiffer_spring_gains_half_the_change_times_the_deflection_squared() -> 
     assert_allclose(switching_energy(angle, stiffness[::-1], np.full(4, 0.2)).sum(), -0.5 * 160.0 * 0.3**2)
 
 
-def test_equilibrium_that_moves_away_from_the_joint_loads_the_spring() -> None:
+def test_equilibrium_moving_away_from_the_joint_loads_the_spring() -> None:
     angle, stiffness = np.full(3, 0.5), np.full(3, 100.0)
     away = switching_energy(angle, stiffness, np.array([0.4, 0.4, 0.1]))
     assert_allclose(away, [0.0, 0.0, 50.0 * (0.4**2 - 0.1**2)])
@@ -68,7 +68,7 @@ def test_step_of_both_parameters_is_exact_where_the_midpoint_rule_is_not() -> No
     assert_allclose(energy[1] - midpoint, (new_k - old_k) * (new_x - old_x) ** 2 / 8.0)
 
 
-def test_held_parameters_put_nothing_in_however_the_joint_moves(rng: np.random.Generator) -> None:
+def test_constant_parameters_add_no_energy_for_any_motion(rng: np.random.Generator) -> None:
     assert not switching_energy(rng.normal(size=50), np.full(50, 200.0), np.full(50, 0.1)).any()
 
 
@@ -114,7 +114,7 @@ def test_energy_converges_to_the_integral_of_its_rate() -> None:
     )
 )
 def test_switching_and_the_work_of_the_controllers_torque_balance_the_energy(rows) -> None:
-    """E_end - E_start is what switching put in, less the work of the torque of the controller's law."""
+    """E_end - E_start is the energy of switching minus the work of the controller torque."""
     angle, stiffness, equilibrium = np.array(rows).T
     work = 0.0  # of the spring on the leg; its torque is linear in the angle, so that the trapezoid is exact
     for tick in range(len(angle) - 1):

@@ -1,4 +1,4 @@
-"""Ground forces, joints and powers of a walk that is written by hand."""
+"""Tests of ground forces, joints and powers of a synthetic walk."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ def walk_log(*, slip: float = 0.0) -> pd.DataFrame:
     ticks = np.arange(6 * STRIDE)
     log = pd.DataFrame({"time_s": ticks * TICK, "guide_force_N": 20.0, "belt_speed_m_per_s": SPEED})
     for side, shift in ((Side.LEFT, 600), (Side.RIGHT, 600 + STRIDE // 2)):
-        place = (ticks - shift) % STRIDE
-        stance = place < STANCE
-        load = np.where(stance, stance_load(place), 0.0)
-        braking = np.where(place < 400, -50.0, np.where(stance, 20.0, 0.0))
+        stride_tick = (ticks - shift) % STRIDE
+        stance = stride_tick < STANCE
+        load = np.where(stance, stance_load(stride_tick), 0.0)
+        braking = np.where(stride_tick < 400, -50.0, np.where(stance, 20.0, 0.0))
         if slip:
             braking = np.where(stance, -0.8 * load * math.tanh(slip / 0.05), 0.0)
-        log[f"{side}_phase"] = np.where(place < SWING_BEGINS, *PHASES)
+        log[f"{side}_phase"] = np.where(stride_tick < SWING_BEGINS, *PHASES)
         log[f"{side}_foot_normal_force_N"] = load
         log[f"{side}_foot_friction_force_N"] = braking
-        log[f"{side}_foot_cop_ratio"] = np.where(stance, place / STANCE, 0.0)
+        log[f"{side}_foot_cop_ratio"] = np.where(stance, stride_tick / STANCE, 0.0)
         log[f"{side}_foot_clearance_m"] = np.where(stance, -0.005, 0.02)
-        turn = 2.0 * math.pi * place / STRIDE
+        turn = 2.0 * math.pi * stride_tick / STRIDE
         log[f"{side}_hip_angle_rad"] = 0.2 + 0.3 * np.cos(turn)
         log[f"{side}_knee_angle_rad"] = 0.1 + 0.05 * np.sin(2.0 * turn)
         log[f"{side}_ankle_angle_rad"] = 0.15 * np.sin(turn)
@@ -103,14 +103,14 @@ def test_least_load_finds_a_foot_that_bounces_in_weight_acceptance() -> None:
     log = walk_log()
     # It rises from 6 % on, 90 ticks after heel strike.
     assert measured(log)[Side.LEFT]["min_load"] == pytest.approx(1.0 + 0.2 * math.cos(4.0 * math.pi * 0.16))
-    place = (np.arange(len(log)) - 600) % STRIDE
-    log.loc[(place >= 150) & (place < 250), "left_foot_normal_force_N"] = 0.05 * CARRIED
+    stride_tick = (np.arange(len(log)) - 600) % STRIDE
+    log.loc[(stride_tick >= 150) & (stride_tick < 250), "left_foot_normal_force_N"] = 0.05 * CARRIED
     left = measured(log)[Side.LEFT]
     assert left["min_load"] == pytest.approx(0.05)
     assert left["trough"] == pytest.approx(0.8, abs=1e-3)  # from 18 % on
 
 
-def test_clearance_is_that_of_the_strides_that_count() -> None:
+def test_clearance_is_computed_over_the_counted_strides() -> None:
     log = walk_log()
     first = measured(log)[Side.LEFT]
     log.loc[log.index < 3 * STRIDE, "left_foot_clearance_m"] = 0.001  # of the first two strides
@@ -119,7 +119,7 @@ def test_clearance_is_that_of_the_strides_that_count() -> None:
     assert measured(log)[Side.LEFT]["clearance_m"] == pytest.approx(0.016)
 
 
-def test_slip_is_the_speed_that_gives_the_friction() -> None:
+def test_slip_is_the_speed_at_which_the_friction_arises() -> None:
     left = measured(walk_log(slip=0.03))[Side.LEFT]
     assert left["slip_m"] == pytest.approx(0.03 * STANCE * TICK)
     speeds = np.array([0.0, 1e-4, 0.05, 0.4])
@@ -131,11 +131,11 @@ def test_slip_is_the_speed_that_gives_the_friction() -> None:
 
 
 def test_centre_of_pressure_is_weighted_with_the_load() -> None:
-    place, load = np.array([0.2] * 100 + [0.8] * 101), np.array([100.0] * 100 + [300.0] * 101)
+    cop, load = np.array([0.2] * 100 + [0.8] * 101), np.array([100.0] * 100 + [300.0] * 101)
     bounds = np.array([[0, 99], [100, 199]])
-    curve = cop_curve(place, load, bounds)
+    curve = cop_curve(cop, load, bounds)
     assert_allclose(curve, (0.2 * 100.0 + 0.8 * 300.0) / 400.0)
-    assert np.isnan(cop_curve(place, np.zeros(201), bounds)).all()
+    assert np.isnan(cop_curve(cop, np.zeros(201), bounds)).all()
 
 
 def test_a_walk_without_strides_has_no_numbers() -> None:
@@ -144,7 +144,7 @@ def test_a_walk_without_strides_has_no_numbers() -> None:
     assert np.isnan([*left.values()]).all()
 
 
-def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
+def test_belt_carries_a_walk_if_its_work_exceeds_the_work_of_the_legs() -> None:
     log = walk_log()
     bounds = leg_record(log, Side.LEFT, PHASES, TICK).strides()
     power = walk_power(log, measured(log).values(), bounds, WALKWAY)
@@ -162,7 +162,7 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert not is_belt_driven(math.nan, SPEED, math.nan, CARRIED)
 
 
-def test_a_belt_that_was_made_faster_counts_as_it_ran() -> None:
+def test_a_belt_with_changed_speed_counts_with_its_actual_speed() -> None:
     log = walk_log()
     strides = leg_record(log, Side.LEFT, PHASES, TICK).strides()
     last = np.arange(len(log)) >= strides[-1, 0]
@@ -176,7 +176,7 @@ def test_a_belt_that_was_made_faster_counts_as_it_ran() -> None:
     assert faster["step_length_m"] == pytest.approx(share * left["step_length_m"])
 
 
-def test_standing_between_two_walks_is_in_no_measure() -> None:
+def test_standing_between_two_walks_is_excluded_from_all_measures() -> None:
     """Six strides, ten seconds of standing, and the same six strides."""
     walk, pause = walk_log(), 10_000
     walk["pelvis_forward_m"], walk["belt_speed_m_per_s"] = SPEED * walk["time_s"], 0.0
@@ -202,8 +202,8 @@ def test_standing_between_two_walks_is_in_no_measure() -> None:
 # ------------------------------------------------------------------ offset, timing and shape
 
 
-def told(total: float, offset: float, timing: float, shape: float, shift: float) -> Any:
-    """Parts of an error in [rad] and as a share of the cycle, as they are told."""
+def error_in_degrees(total: float, offset: float, timing: float, shape: float, shift: float) -> Any:
+    """Return parts of an error, given in [rad] and as a share of the cycle, in reported units."""
     values = (*np.degrees([total, offset, timing, shape]), 100.0 * shift)
     return pytest.approx(dict(zip(ERROR_PARTS, values, strict=True)), abs=math.degrees(1e-7))
 
@@ -220,10 +220,10 @@ def test_parts_of_an_error_in_closed_form(late: float, offset: float) -> None:
     timing = 2.0 * math.sqrt(2.0) * abs(math.sin(math.pi * late))
     shape = 0.5 / math.sqrt(2.0)
     total = math.sqrt(offset**2 + timing**2 + shape**2)
-    assert parts == told(total, offset, timing, shape, late)
+    assert parts == error_in_degrees(total, offset, timing, shape, late)
 
 
-def test_parts_are_those_of_all_strides_and_make_up_the_whole() -> None:
+def test_error_parts_are_over_all_strides_and_add_up_to_the_total() -> None:
     rng = np.random.default_rng(7)
     cycles, reference = rng.normal(size=(5, 101)).cumsum(axis=1), rng.normal(size=101).cumsum()
     total, offset, timing, shape, shift = error_parts(cycles, reference).values()
@@ -231,8 +231,8 @@ def test_parts_are_those_of_all_strides_and_make_up_the_whole() -> None:
     assert total == pytest.approx(math.degrees(math.sqrt(np.mean(difference**2))))
     assert offset == pytest.approx(math.degrees(difference.mean()))
     shifted = [
-        np.mean((np.roll(cycles[:, :-1], -place, axis=1) - reference[:-1] - difference.mean()) ** 2)
-        for place in range(100)
+        np.mean((np.roll(cycles[:, :-1], -samples, axis=1) - reference[:-1] - difference.mean()) ** 2)
+        for samples in range(100)
     ]
     assert shape == pytest.approx(math.degrees(math.sqrt(min(shifted))))
     assert shift == pytest.approx((np.argmin(shifted) + 50) % 100 - 50)
@@ -241,10 +241,10 @@ def test_parts_are_those_of_all_strides_and_make_up_the_whole() -> None:
 
 def test_strides_that_differ_err_in_shape() -> None:
     parts = error_parts(np.array([sine() + 0.3, sine() - 0.3]), sine())
-    assert parts == told(0.3, 0.0, 0.0, 0.3, 0.0)
+    assert parts == error_in_degrees(0.3, 0.0, 0.0, 0.3, 0.0)
     assert all(math.isnan(part) for part in error_parts(np.zeros((0, 101)), sine()).values())
 
 
-def test_no_part_of_an_error_is_nought_where_a_stride_has_a_gap() -> None:
+def test_error_parts_are_undefined_if_a_stride_has_a_gap() -> None:
     cycles = np.array([sine(), np.where(PERCENT == 50.0, math.nan, sine())])
     assert all(math.isnan(part) for part in [*error_parts(cycles, sine()).values()][:4])

@@ -1,4 +1,4 @@
-"""The bus of an experiment: who sends what to whom, when, and by which draws."""
+"""Tests of the bus of an experiment: senders, receivers, times and random draws of the frames."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_one_leg_has_half_the_frames() -> None:
     assert len(bus_of(NetworkParameters(), boards=BOARDS[2:]).frames) == 4
 
 
-def test_phase_and_drift_are_those_of_the_sender() -> None:
+def test_frames_have_the_phase_and_drift_of_their_sender() -> None:
     network = NetworkParameters(phase={"left_knee": 3e-4}, clock_drift={"left_knee": 1e-4})
     for frame in bus_of(network).frames:
         moved = NODES[frame.sender] == "left_knee"
@@ -50,13 +50,13 @@ def test_no_two_frames_and_no_two_seeds_have_the_same_draws() -> None:
     assert first == [draw(frame) for frame in bus_of(NetworkParameters(), 7).frames]
 
 
-def test_shares_count_in_draws() -> None:
+def test_shares_are_converted_to_draw_thresholds() -> None:
     bus = bus_of(NetworkParameters(loss=0.25, error_share=1.0))
     assert (bus.loss_share, bus.error_share) == (FULL_SCALE // 4, FULL_SCALE)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 20])
-def test_outages_are_in_order_and_the_last_never_comes(count: int) -> None:
+def test_outages_are_in_order_and_end_with_a_sentinel(count: int) -> None:
     texts = [f"reboot:left_hip@{1 + number * 7 % 10}s=0.1s" for number in range(count)]
     bus = bus_of(NetworkParameters(outages=tuple(map(parse_outage, texts))))
     starts = [outage.start for outage in bus.outages]
@@ -65,7 +65,7 @@ def test_outages_are_in_order_and_the_last_never_comes(count: int) -> None:
     assert len(starts) - starts.count(NEVER) == count
 
 
-def test_outages_are_what_they_were_called() -> None:
+def test_outages_have_the_configured_kind() -> None:
     outages = tuple(map(parse_outage, ("silence@1s=2s", "reboot:ccu@2s", "bus_off:right_knee@3s")))
     bus = bus_of(NetworkParameters(outages=outages))
     rows = [(item.kind, item.node, item.start, item.end) for item in bus.outages[:3]]

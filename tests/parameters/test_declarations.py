@@ -49,13 +49,13 @@ CLASSES = sorted(
 )
 
 
-def test_there_are_the_parameters_of_an_experiment() -> None:
+def test_declarations_include_the_parameters_of_an_experiment() -> None:
     names = {kind.__name__ for kind in CLASSES}
     assert {"Experiment", "Treadmill", "SafetyParameters", "JointImpedance", "Patient"} <= names
 
 
 @pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
-def test_every_parameter_says_what_it_is(kind: type[Any]) -> None:
+def test_every_parameter_has_a_description(kind: type[Any]) -> None:
     for item in declarations(kind):
         assert item.meaning, f"{item.name}: no meaning in the docstring of its class"
         if item.kind is float:
@@ -102,7 +102,7 @@ def test_an_entry_of_a_mapping_is_refused_by_its_name() -> None:
         Sample(swing=1.0, posture={JointName.KNEE: math.nan})
 
 
-def test_numbers_of_numpy_and_words_are_taken_as_the_field_has_them() -> None:
+def test_numpy_numbers_and_enumeration_words_are_converted_to_the_type_of_the_field() -> None:
     made = Sample(swing=np.float32(0.5), pause=np.int64(2), posture={"knee": np.float64(0.1)})  # type: ignore[dict-item]
     assert made == Sample(swing=0.5, pause=2, posture={JointName.KNEE: 0.1})
     assert [type(value) for value in (made.swing, made.pause, *made.posture.values())] == [float, int, float]
@@ -112,19 +112,19 @@ def test_numbers_of_numpy_and_words_are_taken_as_the_field_has_them() -> None:
 
 
 @pytest.mark.parametrize("value", ["0.5", None, np.array(0.5), [0.5]])
-def test_what_is_no_number_is_refused_by_name(value: Any) -> None:
+def test_values_that_are_not_numbers_are_refused_by_name(value: Any) -> None:
     with raises(ParameterError, "swing", "0", "3.14159"):
         Sample(swing=value)
 
 
-def test_a_word_that_an_enumeration_lacks_is_refused_with_those_it_has() -> None:
+def test_an_unknown_enumeration_word_is_refused_with_the_accepted_words() -> None:
     with raises(ParameterError, "segment_model", "de_leva", "winter", "Winter"):
         Patient(segment_model="Winter")  # type: ignore[arg-type]
     with raises(ParameterError, "posture", "hip", "knee", "ankle", "elbow"):
         Sample(swing=0.5, posture={"elbow": 0.1})  # type: ignore[dict-item]
 
 
-def test_what_is_above_a_bound_is_not_on_it() -> None:
+def test_open_bounds_are_excluded_from_a_range() -> None:
     assert POSITIVE.contains(5e-324) and not POSITIVE.contains(0.0)
     assert (
         Range(0.0).contains(0.0)
@@ -138,13 +138,13 @@ def test_what_is_above_a_bound_is_not_on_it() -> None:
     pause=st.floats(0.0, 3600.0) | st.just(math.inf),
     knee=st.floats(-math.pi, math.pi),
 )
-def test_what_is_written_is_read_to_the_last_bit(swing: float, pause: float, knee: float) -> None:
+def test_written_values_are_read_back_bit_for_bit(swing: float, pause: float, knee: float) -> None:
     made = Sample(swing=swing, pause=pause, posture={JointName.KNEE: knee})
     document = section_of(Sample).document(made)
     assert section_of(Sample).model_validate(document).convert() == made
 
 
-def test_a_field_that_is_read_by_hand_is_known() -> None:
+def test_fields_with_own_readers_are_listed() -> None:
     by_hand = {
         f"{kind.__name__}.{item.name}"
         for kind in CLASSES

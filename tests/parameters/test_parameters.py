@@ -154,7 +154,7 @@ def test_error_in_a_file_keeps_file_and_key() -> None:
 
 
 @given(key=st.text(max_size=8), problem=st.text(max_size=8))
-def test_error_in_a_file_is_one_line_whatever_the_file_contains(key: str, problem: str) -> None:
+def test_error_in_a_file_is_one_line_for_any_content(key: str, problem: str) -> None:
     assert len(f"{ParameterFileError('run.yaml', key, problem)}.".splitlines()) == 1
 
 
@@ -176,7 +176,7 @@ def test_battery_is_the_pack_of_the_thesis() -> None:
     assert LimitParameters().current == 15.0
 
 
-def test_wearer_weighs_at_most_what_the_device_carries() -> None:
+def test_mass_of_the_wearer_is_limited_by_the_device() -> None:
     assert Patient(mass=110.0).mass == 110.0
 
 

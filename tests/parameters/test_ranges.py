@@ -57,8 +57,8 @@ def test_every_declared_number_has_a_finite_range() -> None:
     assert open_ended == []
 
 
-def test_every_range_says_why_it_ends() -> None:
-    """In its reason or its words; that a share ends at 1 needs none."""
+def test_every_range_states_a_reason_for_its_limits() -> None:
+    """The reason or the description states it; the limit 1 of a share needs none."""
     silent = [
         f"{kind.__name__}.{item.name}"
         for kind in all_parameters()
@@ -83,7 +83,7 @@ NONSENSE = {
     "current": "control.limits.current_A=1e9",
     "voltage": "plant.battery.voltage_V=1e9",
     "fade": "table.blending.duration_ms=1000000000",
-    "time-out": "control.safety.phase_timeout_s=1e9",
+    "timeout": "control.safety.phase_timeout_s=1e9",
     "step of an angle": "control.safety.angle_step_rad=1e9",
     "deviation": "control.safety.model_deviation_rad=1e9",
     "command": "control.safety.highest_command_Nm=1e9",
@@ -97,7 +97,7 @@ NONSENSE = {
 
 
 @pytest.mark.parametrize("setting", NONSENSE.values(), ids=list(NONSENSE))
-def test_nonsense_is_refused_with_its_range(setting: str) -> None:
+def test_out_of_range_values_are_refused_with_the_range(setting: str) -> None:
     key, _, value = setting.partition("=")
     with pytest.raises(TwinGaitError) as caught:
         load_experiment("treadmill", [setting])
@@ -120,7 +120,7 @@ def test_a_fault_beyond_physics_is_refused(text: str) -> None:
         parse_fault(text)
 
 
-def test_the_ends_that_a_range_leaves_open_are_those_of_the_quantity() -> None:
+def test_open_ends_of_a_range_are_the_limits_of_the_quantity() -> None:
     general = symmetric_range(5.0, "a reason")
     assert NOT_NEGATIVE.fill_limits(general) == Range(0.0, 5.0, reason="a reason")
     assert POSITIVE.fill_limits(general).expected == "a number above 0 and at most 5 (a reason)"

@@ -79,7 +79,7 @@ def test_a_log_of_another_rate_switches_at_the_same_instants(rate):
     np.testing.assert_allclose(found, crossings(4.0), atol=1.07 * TICK)
 
 
-def test_the_velocity_is_that_of_the_firmwares_filter():
+def test_the_velocity_equals_the_filter_of_the_firmware():
     speed = math.radians(40.0)
     recording = one_leg(speed * np.arange(50) * TICK, fast_time_constant=0.005)
     result = replay(recording, two_way_table())
@@ -137,8 +137,8 @@ def test_a_run_gives_the_same_switches_again(walk):
     result = replay(recorded(walk), walk.table)
     assert len(walk.switches) > 10
     assert result.switches == walk.switches
-    for side, told in summarise_replay(result)["sides"].items():
-        assert told["equal_share"] == 1.0
+    for side, numbers in summarise_replay(result)["sides"].items():
+        assert numbers["equal_share"] == 1.0
         for joint in walk.table.joints:
             logged = walk.log[f"{side}_{joint}_velocity_fast_rad_per_s"].to_numpy()
             assert (result.velocities[side, joint] == logged).all()
@@ -159,7 +159,7 @@ def test_a_run_whose_legs_were_held_is_replayed_up_to_the_trip(tmp_path):
     result = replay_log(str(tmp_path / "run"))
     assert run.trip is not None and result.recording.n_ticks == run.trip.tick == 3200
     assert result.switches == run.switches
-    assert {told["equal_share"] for told in summarise_replay(result)["sides"].values()} == {1.0}
+    assert {numbers["equal_share"] for numbers in summarise_replay(result)["sides"].values()} == {1.0}
 
 
 @pytest.mark.parametrize(
@@ -170,15 +170,15 @@ def test_a_run_whose_legs_were_held_is_replayed_up_to_the_trip(tmp_path):
         ("sit_to_stand", ["faults=[encoder_missing:left_knee@8s]"], True),
     ],
 )
-def test_a_run_is_replayed_with_what_the_legs_were_told_by_belt_and_modes(tmp_path, preset, settings, trips):
+def test_a_run_is_replayed_with_the_commands_of_belt_and_modes(tmp_path, preset, settings, trips):
     run = simulate(load_experiment(preset, settings).experiment)
     save_run(run, tmp_path / "run", pictures=False)
     result = replay_log(str(tmp_path / "run"))
     assert len(run.switches) > 7 and (run.trip is not None) == trips
     assert result.switches == run.switches
-    told = render("replay.txt", summarise_replay(result))
-    assert "taken as" not in told and told.count("100.0 % of the ticks equal") == 2
-    assert ("1 × sit → lean (posture)" in told) == (preset == "sit_to_stand")
+    text = render("replay.txt", summarise_replay(result))
+    assert "taken as" not in text and text.count("100.0 % of the ticks equal") == 2
+    assert ("1 × sit → lean (posture)" in text) == (preset == "sit_to_stand")
 
 
 def test_a_table_without_the_postures_of_a_run_is_refused(tmp_path):
@@ -188,7 +188,7 @@ def test_a_table_without_the_postures_of_a_run_is_refused(tmp_path):
         replay_log(str(tmp_path / "run"), table="treadmill")
 
 
-def test_another_threshold_moves_the_switches_and_the_share_of_equal_ticks_says_so(walk):
+def test_another_threshold_moves_the_switches_and_lowers_the_share_of_equal_ticks(walk):
     leave = next(item for item in walk.table.transitions if item.cause == "clearance")
     hip, *others = leave.guard.guards
     later = replace(leave, guard=replace(leave.guard, guards=(_raised(hip), *others)))
@@ -217,7 +217,7 @@ def cycle_time_at(speed: float) -> float:
 
 
 def assert_walks(result: Replay, cycle_time: float) -> None:
-    """Every stride has all five phases, by its thresholds rather than by time-outs, in the walk's time."""
+    """Every stride has all five phases, by its thresholds rather than by timeouts, in the walk's time."""
     for side in result.recording.sides:
         strides = stride_phases(result.phases[side])
         assert len(strides) >= 2
@@ -233,7 +233,7 @@ def test_healthy_walking_passes_through_all_five_phases_of_the_treadmill_table(s
     assert_walks(replay(walk, load_gait_table("treadmill")), cycle_time_at(speed))
 
 
-def test_healthy_walking_at_1_5_km_per_h_changes_phase_where_the_documentation_says():
+def test_healthy_walking_at_1_5_km_per_h_changes_phase_as_documented():
     walk = normative_walk("koopman@1.5", strides=3)
     switches = replay(walk, load_gait_table("treadmill")).switches
     entries = {item.target: item.time for item in switches if item.side is Side.LEFT}  # the last of each
@@ -254,7 +254,7 @@ def test_slower_walking_needs_a_table_whose_steps_shorten_with_the_speed():
     shortening = replace(written, scaling=replace(written.scaling, speed_exponent=0.12))
     scaled = scale_table(shortening, carried_mass=None, speed=0.5 / 3.6)
     assert_walks(replay(walk, scaled), cycle_time_at(0.5))
-    # As it is written no swing begins; with the law that it states swings end by their time-out.
+    # As it is written no swing begins; with the law that it states swings end by their timeout.
     assert not any(switch.cause == "trailing_limb" for switch in replay(walk, written).switches)
     stated = scale_table(written, carried_mass=None, speed=0.5 / 3.6)
     assert any(switch.cause == "timeout" for switch in replay(walk, stated).switches)
@@ -331,7 +331,7 @@ def test_a_signal_that_the_log_lacks_is_named_with_its_transitions(condition, ch
         replay(one_leg(np.zeros(5), **changes), table)
 
 
-def test_what_is_taken_for_a_signal_that_nothing_recorded_is_told():
+def test_values_assumed_for_unrecorded_signals_are_reported():
     table = two_phase_table(
         transition("stance", "swing", "walk > 0.5", cause="told"),
         transition("stance", "swing", "trunk.pitch_deg > 5", cause="lean"),
@@ -339,8 +339,8 @@ def test_what_is_taken_for_a_signal_that_nothing_recorded_is_told():
     recording = one_leg(np.zeros(100), device={"trunk.pitch_deg": np.zeros(100)})
     result = replay(recording, table)
     assert result.assumed == {"walk": 1.0}
-    told = render("replay.txt", summarise_replay(result))
-    assert "not in the log, so taken as: walk 1\n" in told
+    text = render("replay.txt", summarise_replay(result))
+    assert "not in the log, assumed: walk 1\n" in text
 
 
 def test_a_recorded_trunk_opens_guards():
@@ -365,7 +365,7 @@ def test_the_load_of_the_foot_counts_in_body_weights():
     assert replay(lighter, table).switches == ()
 
 
-def test_the_start_phase_is_the_one_asked_for_then_the_recorded_one_then_the_first():
+def test_the_start_phase_is_the_requested_one_then_the_recorded_one_then_the_first():
     hip = np.full(5, -0.1)
     swinging = np.array(["swing"] * 5, dtype=object)
     table = two_phase_table(transition("stance", "swing", "hip.angle_deg > 10"))
@@ -397,7 +397,7 @@ def test_strides_begin_where_the_first_phase_is_entered():
     assert stride_phases(np.zeros(9, dtype=int)) == []
 
 
-def test_a_table_that_states_its_cycles_means_those():
+def test_stated_cycles_of_a_table_are_used():
     table = two_way_table()
     assert allowed_cycles(table) == {(0, 1)}
     assert allowed_cycles(replace(table, cycles=(("swing", "stance"),))) == {(0, 1)}

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from errors import raises
+from errors import raises, states
 
 from twin_gait.cli import main
 from twin_gait.conventions import RAJAGOPAL
@@ -90,9 +90,7 @@ def test_a_time_unit_against_the_name_is_refused(tmp_path):
 
 def test_units_that_have_no_effect_are_named(tmp_path):
     recording = read(tmp_path, walk_text(), units="rad")
-    assert recording.warnings == (
-        "--units rad has no effect: the names of all columns of angles state their unit",
-    )
+    assert [states(line, "--units rad") for line in recording.warnings] == [True]
     np.testing.assert_allclose(hip(recording)[::10], ANGLES["left_hip_angle"], atol=1e-6)
 
 
@@ -111,13 +109,13 @@ def test_units_override_the_flag_of_a_motion_with_a_notice(tmp_path, flag, facto
     text = storage_text(flag, factor)
     recording = read(tmp_path, text, "mot", convention=RAJAGOPAL, units=units)
     np.testing.assert_allclose(hip(recording)[::10], ANGLES["left_hip_angle"], atol=1e-6)
-    assert recording.warnings == (f"--units {units} was used, although the header says {stated}",)
+    assert [states(line, f"--units {units}", stated) for line in recording.warnings] == [True]
 
 
 def test_radians_that_are_read_as_degrees_are_named(tmp_path):
     recording = read(tmp_path, storage_text("yes", np.pi / 180), "mot", convention=RAJAGOPAL)
     assert len(recording.warnings) == 1
-    assert "left hip moves by 0.7 deg in all" in recording.warnings[0] and "--units" in recording.warnings[0]
+    assert states(recording.warnings[0], "left hip", "0.7 deg", "--units")
 
 
 # ---------------------------------------------------------------------- time
@@ -142,12 +140,12 @@ STRIDE = {
 def test_one_stride_over_per_cent_is_repeated_in_the_time_that_is_given(tmp_path, time):
     recording = read(tmp_path, walk_text(time=time, name="time", **STRIDE), cycle_time=1.25)
     assert recording.n_ticks == 10_001
-    assert recording.warnings == ("one stride of 1.25 s was repeated 8 times",)
+    assert [states(line, "1.25 s", "8") for line in recording.warnings] == [True]
     np.testing.assert_allclose(hip(recording)[:1250], hip(recording)[6250:7500], atol=2e-3)
     np.testing.assert_allclose(hip(recording)[625], 10.0, atol=1e-3)
 
 
-def test_per_cent_that_are_read_as_seconds_name_the_way_out(tmp_path):
+def test_per_cent_read_as_seconds_is_refused_with_a_suggestion(tmp_path):
     with raises(ParameterFileError, "time", "1 s", "0.1 s", "--cycle-time-s"):
         read(tmp_path, walk_text(time=PERCENT, name="time", **STRIDE))
 
@@ -155,7 +153,7 @@ def test_per_cent_that_are_read_as_seconds_name_the_way_out(tmp_path):
 def test_a_stride_that_does_not_close_is_named(tmp_path):
     columns = {name: values[:76] for name, values in STRIDE.items()}
     recording = read(tmp_path, walk_text(time=PERCENT[:76], name="time", **columns), cycle_time=1.0)
-    assert any("the left hip ends 20 deg from its start" in line for line in recording.warnings)
+    assert any(states(line, "left hip", "20 deg") for line in recording.warnings)
 
 
 # ---------------------------------------------------------------------- gaps
@@ -199,20 +197,17 @@ def test_ends_without_values_are_left_out_with_a_notice(tmp_path):
     values[:12] = np.nan
     recording = read(tmp_path, walk_text(left_knee_angle=values))
     assert recording.start == pytest.approx(0.12) and recording.n_ticks == 3001 - 120
-    assert (
-        "12 rows at the ends of the log were left out, because left knee has no values"
-        in recording.warnings[0]
-    )
+    assert states(recording.warnings[0], "12", "left knee")
 
 
 @pytest.mark.parametrize("ending", ["csv", "mot"])
-def test_a_row_that_is_there_twice_is_left_out_with_a_notice(tmp_path, ending):
+def test_a_repeated_row_is_left_out_with_a_notice(tmp_path, ending):
     text = walk_text() if ending == "csv" else storage_text("yes")
     text += text.splitlines()[-1] + "\n"
     convention = {} if ending == "csv" else {"convention": RAJAGOPAL}
     recording = read(tmp_path, text, ending, **convention)
     assert recording.n_ticks == 3001
-    assert "1 rows that repeat the row before were left out (row 302 first)" in recording.warnings[-1]
+    assert states(recording.warnings[-1], "1", "302")
 
 
 # ---------------------------------------------------------------------- signs and columns
@@ -228,7 +223,7 @@ def test_a_minus_turns_the_sign_of_any_joint(tmp_path):
             np.testing.assert_allclose(found, ANGLES[f"{side}_{joint}_angle"], atol=1e-6)
 
 
-def test_a_knee_in_the_wrong_sign_is_refused_and_the_way_out_works(tmp_path):
+def test_a_knee_with_the_wrong_sign_is_refused_with_a_suggestion_that_works(tmp_path):
     stiff = 12.0 - 12.0 * np.cos(2.0 * np.pi * INSTANTS)  # 0 to 24 degrees
     text = walk_text(left_knee_angle=-stiff)
     with raises(ParameterFileError, "left knee", "24 deg", "left_knee_angle=-NAME"):
@@ -240,7 +235,7 @@ def test_a_knee_in_the_wrong_sign_is_refused_and_the_way_out_works(tmp_path):
 def test_a_knee_that_is_hyperextended_in_a_walk_is_a_warning(tmp_path):
     recording = read(tmp_path, walk_text(left_knee_angle=20.0 + 38.0 * np.sin(2.0 * np.pi * INSTANTS)))
     assert len(recording.warnings) == 1
-    assert "left knee bends backwards by 18 deg, which is more than 15 deg" in recording.warnings[0]
+    assert states(recording.warnings[0], "left knee", "18 deg", "15 deg")
 
 
 @pytest.mark.parametrize(
@@ -278,7 +273,7 @@ def test_numbers_of_a_format_have_a_range(log_format, message):
 # ---------------------------------------------------------------------- strides
 
 
-def test_phases_begin_where_the_strides_say():
+def test_phase_onsets_follow_the_strides():
     #                 stride of 20: 0 %, 25 %, 60 %       stride of 10: 0 %, 50 %
     stays = [(2, 7), (0, 5), (1, 7), (2, 8), (0, 5), (2, 5), (0, 3)]
     phases = np.repeat(*np.array(stays).T)
@@ -297,7 +292,7 @@ def test_phases_begin_where_the_strides_say():
         (1.0, 30.0, 0.5, "2 of 2 strides by the table are no whole cycle of the hip"),
     ],
 )
-def test_a_stride_that_is_none_is_named(stride_s, range_deg, turn, doubt):
+def test_an_invalid_stride_is_named(stride_s, range_deg, turn, doubt):
     """The hip is a cosine that makes so much of a turn in each of two strides."""
     ticks = round(1000 * stride_s)
     angle = np.radians(0.5 * range_deg) * np.cos(2 * np.pi * turn * (np.arange(3 * ticks) / ticks - 0.5))
@@ -312,16 +307,15 @@ def test_the_command_prints_and_stores_onsets_gaps_and_warnings(tmp_path, capsys
     command = ["replay", str(path), "--table", "bench_leg", "--units", "rad", "--no-pictures"]
     assert main([*command, "--max-gap-s", "0.1", "--out", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
-    assert "interpolated: 1 gap, the longest 0.09 s" in printed
-    assert "warning: --units rad has no effect" in printed
+    assert states(printed, "1 gap", "0.09 s", "warning: --units rad")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [gap["column"] for gap in summary["interpolated_gaps"]] == ["left knee"]
-    assert summary["warnings"][0].startswith("--units rad has no effect")
+    assert states(summary["warnings"][0], "--units rad")
 
 
-def test_onsets_of_healthy_walking_are_those_of_its_curves(capsys):
+def test_onsets_of_healthy_walking_follow_from_its_curves(capsys):
     assert main(["replay", "koopman@1.5", "--table", "treadmill"]) == 0
-    assert "phases begin at early_stance 0 %, middle_stance 16 %" in capsys.readouterr().out
+    assert states(capsys.readouterr().out, "early_stance 0 %", "middle_stance 16 %")
     result = replay_log("koopman@1.5", table="treadmill")
     onsets, strides = phase_onsets(result.phases[Side.LEFT]), stride_phases(result.phases[Side.LEFT])
     assert list(onsets) == [0, 1, 2, 3, 4] and all(len(values) == len(strides) for values in onsets.values())
@@ -334,14 +328,14 @@ def test_onsets_of_healthy_walking_are_those_of_its_curves(capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "facts"),
     [
-        (["koopman@1.5", "--cycle-time-s", "1"], "is no log"),
-        (["koopman@1.5", "--max-gap-s", "nan"], "max_gap: expected"),
-        (["koopman@1.5", "--time-unit", "h"], "time_unit: expected s or ms"),
+        (["koopman@1.5", "--cycle-time-s", "1"], ("koopman@1.5",)),
+        (["koopman@1.5", "--max-gap-s", "nan"], ("max_gap", "nan")),
+        (["koopman@1.5", "--time-unit", "h"], ("time_unit", "s or ms", "h")),
     ],
 )
-def test_options_that_cannot_be_are_one_line(arguments, message, capsys):
+def test_impossible_options_are_refused_in_one_line(arguments, facts, capsys):
     assert main(["replay", *arguments]) == 2
     error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1
+    assert states(error, *facts) and error.count("\n") == 1

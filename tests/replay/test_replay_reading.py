@@ -77,7 +77,7 @@ def test_a_motion_of_opensim_is_read_with_its_unit_and_the_sign_of_its_model(tmp
     assert degrees(recording, Side.LEFT, KNEE)[::20] == pytest.approx([8.2, 11.29, 15.19])
 
 
-def test_the_header_says_whether_angles_are_degrees(tmp_path):
+def test_the_header_selects_degrees_or_radians(tmp_path):
     text = OPENSIM_TEXT.replace("inDegrees=yes", "inDegrees=no").replace("-3.94", "-0.0394")
     table = read_log_table(write(tmp_path, "radians.mot", text))
     assert table.unit == "rad"
@@ -133,15 +133,18 @@ def test_a_parquet_log_gives_the_measured_angles_to_the_last_bit(tmp_path, rng):
 
 
 @pytest.mark.parametrize(
-    ("column", "asked"), [("measured_trunk_pitch_rad", {}), ("pelvis_deg", {"trunk_pitch": "pelvis_deg"})]
+    ("column", "columns_option"),
+    [("measured_trunk_pitch_rad", {}), ("pelvis_deg", {"trunk_pitch": "pelvis_deg"})],
 )
-def test_the_pitch_of_the_trunk_is_read_in_either_unit(tmp_path, column, asked):
+def test_the_pitch_of_the_trunk_is_read_in_either_unit(tmp_path, column, columns_option):
     text = f"time_s,left_hip_angle_rad,{column}\n0,0.5,0.1\n0.002,0.5,0.3\n"
-    columns = {"time": "time_s", "left_hip_angle": "left_hip_angle_rad", **asked} if asked else {}
+    columns = (
+        {"time": "time_s", "left_hip_angle": "left_hip_angle_rad", **columns_option} if columns_option else {}
+    )
     recording = read_recording(write(tmp_path, "log.csv", text), LogFormat(columns=columns))
     expected = np.array([0.1, 0.2, 0.3])
     found = recording.device["trunk.pitch_deg"]
-    np.testing.assert_allclose(found, np.radians(expected) if asked else expected)
+    np.testing.assert_allclose(found, np.radians(expected) if columns_option else expected)
 
 
 def test_names_that_end_in_deg_are_degrees(tmp_path):
@@ -233,7 +236,7 @@ def test_a_mistake_in_a_motion_file_is_one_line_with_the_file_and_the_place(tmp_
     assert str(caught.value).startswith(f"{path}: ")
 
 
-def test_opensim_files_ask_for_the_model_and_the_wrong_one_is_found_out(tmp_path):
+def test_opensim_files_require_the_model_and_a_wrong_model_is_detected(tmp_path):
     path = write(tmp_path, "normal.mot", OPENSIM_TEXT.replace("-15.19", "-58.25"))
     with raises(ParameterFileError, "--convention opensim_gait2392", "rajagopal"):
         read_recording(path)
@@ -241,12 +244,12 @@ def test_opensim_files_ask_for_the_model_and_the_wrong_one_is_found_out(tmp_path
         read_recording(path, LogFormat(convention=RAJAGOPAL))
 
 
-def test_a_log_with_other_names_is_told_about_columns_and_conventions(tmp_path):
+def test_unknown_column_names_suggest_columns_and_conventions_options(tmp_path):
     with raises(ParameterFileError, "left_hip_angle_rad", "--columns"):
         read_recording(write(tmp_path, "log.csv", CSV_TEXT), LogFormat(columns={"time": "t"}))
 
 
-def test_what_is_no_log_is_refused(tmp_path):
+def test_files_without_a_log_are_refused(tmp_path):
     with raises(ParameterFileError, "nowhere.csv"):
         read_recording(tmp_path / "nowhere.csv")
     with raises(ParameterFileError, "log.xlsx", ".parquet", ".csv", ".mot", ".sto"):
@@ -321,19 +324,19 @@ def test_any_bytes_are_read_or_refused_in_one_line(folder, content, ending, log_
 )
 def test_a_damaged_log_is_read_or_refused_in_one_line(folder, text, cuts, log_format):
     ending, content = text
-    for place, length, replacement in cuts:
-        start = place % (len(content) + 1)
+    for position, length, replacement in cuts:
+        start = position % (len(content) + 1)
         content = content[:start] + replacement + content[start + length :]
     path = folder / f"damaged.{ending}"
     path.write_text(content, newline="")
     assert_read_or_refused(path, log_format)
 
 
-@given(length=st.integers(0, 1000), place=st.integers(0, 2000), byte=st.integers(0, 255))
-def test_a_damaged_parquet_log_is_read_or_refused_in_one_line(folder, length, place, byte):
+@given(length=st.integers(0, 1000), position=st.integers(0, 2000), byte=st.integers(0, 255))
+def test_a_damaged_parquet_log_is_read_or_refused_in_one_line(folder, length, position, byte):
     frame = pd.DataFrame({"time_s": TIME, "left_hip_angle_rad": TIME})
     whole = bytearray(frame.to_parquet())
-    whole[place % len(whole)] = byte
+    whole[position % len(whole)] = byte
     path = folder / "damaged.parquet"
     path.write_bytes(whole[: len(whole) - length] if length % 2 else whole)
     assert_read_or_refused(path, LogFormat())

@@ -154,7 +154,7 @@ def thresholds_of(table: GaitTable) -> dict[str, list[float]]:
     return {name: [atom.threshold for atom in atoms if name in (atom.signal, atom.minus)] for name in names}
 
 
-def lively_value(near: list[float], rng: np.random.Generator) -> float:
+def value_near_threshold(near: list[float], rng: np.random.Generator) -> float:
     """A value of a signal, mostly close to a threshold it is compared with."""
     if near and rng.random() < 0.9:
         # No difference of two of these is a threshold, where degrees and radians round to either side.
@@ -173,12 +173,12 @@ LONG = ("overground", "treadmill_start_stop")
         for name, table in TABLES.items()
     ],
 )
-def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) -> None:
+def test_state_machine_follows_the_printed_truth_table(table: GaitTable) -> None:
     rng = np.random.default_rng(5)
     reader = Reader(table)
     machine = GaitStateMachine(table, Side.LEFT)
     thresholds = thresholds_of(table)
-    signals = {name: lively_value(near, rng) for name, near in thresholds.items()}
+    signals = {name: value_near_threshold(near, rng) for name, near in thresholds.items()}
     tick, taken, other = 1, set(), table.phase_names[0]
     every = set(range(len(table.transitions)))
     for step in range(200_000):
@@ -190,7 +190,7 @@ def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) 
         change = 0.03 if step < 5000 else 0.2  # what is still missing wants many signals in a rare place
         for name, near in thresholds.items():
             if rng.random() < change:
-                signals[name] = lively_value(near, rng)
+                signals[name] = value_near_threshold(near, rng)
         if rng.random() < change:
             other = str(rng.choice(table.phase_names))
         signals[OWN_TIME] = (tick - machine.entry_tick) * TICK
@@ -249,11 +249,11 @@ def test_conditions_that_exclude_each_other_need_no_rows() -> None:
     """Beyond 20° is beyond 10° too, and the other leg is not in two phases at once."""
     table = nested_table()
     logic = PhaseLogic(table, "stance")
-    place = {str(item): item for item in logic.conditions}
-    near, far = place["hip.angle_deg > 10"], place["hip.angle_deg > 20"]
+    conditions = {str(item): item for item in logic.conditions}
+    near, far = conditions["hip.angle_deg > 10"], conditions["hip.angle_deg > 20"]
     assert not logic.possible({far: True, near: False})
     assert logic.possible({far: False, near: True})
-    both = {place["other.phase in [stance]"]: True, place["other.phase in [swing]"]: True}
+    both = {conditions["other.phase in [stance]"]: True, conditions["other.phase in [swing]"]: True}
     assert not logic.possible(both)
     assert logic.possible(dict.fromkeys(both, False))  # a leg alone is in neither
     late, later = MinimumTime(40), MinimumTime(300)
@@ -280,8 +280,8 @@ def test_difference_is_held_against_its_two_signals() -> None:
     assert logic.possible({own: True, other: False, far: True})
 
 
-def test_a_time_on_its_threshold_is_possible() -> None:
-    """After 50 ticks a time-out of 0.05 s is over and "longer than 0.05 s" is not yet true."""
+def test_a_time_equal_to_its_threshold_is_possible() -> None:
+    """After 50 ticks a timeout of 0.05 s is over and "longer than 0.05 s" is not yet true."""
     longer, shorter = guard("time_in_phase_s > 0.05"), guard("time_in_phase_s < 0.05")
     exits = (
         transition("stance", "swing", AnyOf(guards=(longer, shorter)), cause="early"),
@@ -305,7 +305,7 @@ def test_phase_with_very_many_conditions_has_no_table() -> None:
     assert "Too many combinations for a table" in truth_table(table)
 
 
-def test_phase_that_is_never_left_says_so() -> None:
+def test_phase_that_is_never_left_is_marked() -> None:
     assert "never left" in truth_table(one_phase_table())
 
 
@@ -346,7 +346,7 @@ def swapped(table: GaitTable) -> GaitTable:
 EDITS: dict[str, Callable[[GaitTable], GaitTable]] = {
     "threshold": with_transition(4, guard=guard("hip.angle_deg < 5.001")),
     "debounce": with_transition(0, debounce_ticks=4),
-    "time-out": with_transition(3, timeout_ticks=301),
+    "timeout": with_transition(3, timeout_ticks=301),
     "cause": with_transition(2, cause="contralateral"),
     "order": swapped,
     "stiffness": with_joint(stiffness=100.001),
@@ -384,7 +384,7 @@ def test_transition_table_has_a_row_for_each_transition(table: GaitTable) -> Non
             assert f" {item.timeout_ticks * TICK:g} " in row
 
 
-def test_names_of_a_table_cannot_break_markdown() -> None:
+def test_names_of_a_table_are_escaped_in_markdown() -> None:
     odd = two_phase_table(transition("stance", "swing", "hip.angle_deg > 1", cause="a | b\n<b>"))
     for text in (truth_table(odd), transition_table(odd)):
         assert "a \\| b &lt;b>" in text
@@ -419,11 +419,11 @@ def test_drawing_has_an_arrow_for_each_way_and_dashes_timeouts(table: GaitTable)
     guarded = {(item.source, item.target) for item in table.transitions if not item.is_timeout}
     timed = {(item.source, item.target) for item in table.transitions if item.is_timeout}
     assert drawn.count("arrow") == len(guarded)
-    assert drawn.count("arrow time-out") == len(timed)
+    assert drawn.count("arrow timeout") == len(timed)
 
 
 @each_table
-def test_everything_lies_inside_the_drawing(table: GaitTable) -> None:
+def test_all_elements_are_inside_the_drawing(table: GaitTable) -> None:
     root = ElementTree.fromstring(state_diagram_svg(table))
     left, top, width, height = (float(part) for part in root.attrib["viewBox"].split())
     for item in root.iter(f"{SVG}text"):
@@ -488,22 +488,23 @@ def drawn(table: GaitTable) -> Drawn:
 
 
 @each_table
-def test_nothing_in_a_drawing_lies_on_anything(table: GaitTable) -> None:
+def test_elements_of_a_drawing_do_not_overlap(table: GaitTable) -> None:
     found = drawn(table)
     assert len(found.boxes) == len(table.phases)
     assert not any(overlap(a, b) for a, b in itertools.combinations(found.boxes, 2))
     for (first, a), (second, b) in itertools.combinations(found.texts, 2):
         assert not overlap(a, b), f"{first!r} on {second!r}"
-    for text, place in found.texts:
-        half = np.array([place.width, place.height]) / 2.0
-        crossed = (np.abs(found.arrows - [place.x, place.y]) < half).all(axis=1)
+    for text, extent in found.texts:
+        half = np.array([extent.width, extent.height]) / 2.0
+        crossed = (np.abs(found.arrows - [extent.x, extent.y]) < half).all(axis=1)
         badge = text.replace(", ", "").isdigit()  # it lies on its arrow
         assert badge or not crossed.any(), f"an arrow through {text!r}"
         for box in found.boxes:
             inside = (
-                abs(place.x - box.x) + half[0] <= box.width / 2.0 and abs(place.y - box.y) < box.height / 2.0
+                abs(extent.x - box.x) + half[0] <= box.width / 2.0
+                and abs(extent.y - box.y) < box.height / 2.0
             )
-            assert inside or not overlap(place, box), f"{text!r} on a box"
+            assert inside or not overlap(extent, box), f"{text!r} on a box"
 
 
 def overlap(a: Rectangle, b: Rectangle) -> bool:
@@ -511,7 +512,7 @@ def overlap(a: Rectangle, b: Rectangle) -> bool:
 
 
 @each_table
-def test_arrows_that_are_not_the_same_share_no_place(table: GaitTable) -> None:
+def test_different_arrows_do_not_overlap(table: GaitTable) -> None:
     laid = arrows(table, 100.0)
     assert len({level for arrow in laid for level in (arrow.start, arrow.end)}) == 2 * len(laid)
     for one, other in itertools.combinations(laid, 2):
@@ -519,7 +520,7 @@ def test_arrows_that_are_not_the_same_share_no_place(table: GaitTable) -> None:
         assert one.lane != other.lane or high < least or most < low
 
 
-def test_names_of_a_table_cannot_break_the_drawing() -> None:
+def test_names_of_a_table_are_escaped_in_the_drawing() -> None:
     odd = one_phase_table()
     odd = dataclasses.replace(odd, name='<script>"&', phases={"a<b & c": phase()})
     shown = texts(state_diagram_svg(odd))
@@ -540,7 +541,7 @@ def test_mermaid_has_every_transition_and_no_character_that_it_reads_as_syntax()
             assert not set(re.sub(r"#\d+;", "", label)) & set(":;<>#\"'{}%|")
 
 
-def test_every_signal_has_words_and_a_unit() -> None:
+def test_every_signal_has_a_label_and_a_unit() -> None:
     texts = [
         "hip.angle_deg > 3",
         "other.knee.velocity_deg_per_s < 3",
@@ -558,7 +559,7 @@ def test_every_signal_has_words_and_a_unit() -> None:
     ]
 
 
-def test_mermaid_gives_phases_named_like_its_own_words_other_identifiers() -> None:
+def test_phases_named_like_mermaid_keywords_get_other_identifiers() -> None:
     odd = dataclasses.replace(one_phase_table(), phases={'end "it"': phase()})
     text = state_diagram_mermaid(odd)
     assert 'state "end #34;it#34;" as phase_1' in text
@@ -587,7 +588,7 @@ def test_command_prints_a_format(capsys: pytest.CaptureFixture[str]) -> None:
         assert capsys.readouterr().out == text
 
 
-def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> None:
+def test_command_reads_a_file_and_refuses_a_file_that_is_not_a_table(tmp_path: Path) -> None:
     with raises(TwinGaitError, "moonwalk", "treadmill"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"

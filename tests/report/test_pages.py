@@ -14,7 +14,7 @@ from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.pages import TEMPLATES, render
 
 
-def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> None:
+def test_template_values_are_escaped_and_nothing_external_is_loaded(tmp_path: Path) -> None:
     write_figures_page(
         tmp_path / "page.html",
         {"<u>": partial(Figure, figsize=(1.0, 1.0))},
@@ -31,13 +31,13 @@ def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> N
     assert len(addresses) == 1 and all(item.startswith("data:image/png;base64,") for item in addresses)
 
 
-def test_figures_are_turned_dark_with_the_page() -> None:
+def test_figures_follow_the_dark_theme_of_the_page() -> None:
     content = {"title": "", "subtitle": "", "rows": [()], "pictures": {"one": b""}, "tables": {}}
     page = render("figures.html", content)
     assert "@media screen and (prefers-color-scheme: dark) { img { filter: invert(1)" in page
 
 
-def test_a_number_that_a_template_misses_is_an_error() -> None:
+def test_a_missing_template_value_is_an_error() -> None:
     with raises(UndefinedError, "found_better"):
         render("tune.txt", {})
 

@@ -1,4 +1,4 @@
-"""Pictures: which are drawn for which run, and that what they show comes from the log."""
+"""Tests of the pictures that are drawn for each kind of run, and of their agreement with the log."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize("tripped_too", [False, True])
-def test_between_fixed_margins_nothing_is_cut_off_or_covered(
+def test_elements_within_fixed_margins_are_neither_cut_off_nor_covered(
     walk: Run, tripped: Run, name: str, tripped_too: bool
 ) -> None:
     figure = plot_run(tripped if tripped_too else walk, name)
@@ -168,7 +168,7 @@ def test_torques_show_the_parts_that_act_and_the_limits(walk: Run) -> None:
 
 def test_currents_show_the_current_at_the_torque_limit(walk: Run) -> None:
     figure = draw_currents(walk)
-    # 60 N m at the knee through K_t 0.0705 N m/A and a gear of 100.
+    # 60 N·m at the knee through K_t 0.0705 N·m/A and a gear of 100.
     knee = next(index for index, axes in enumerate(figure.axes) if axes.get_title() == "left knee")
     shown = float(np.asarray(line(figure, knee, "current at the torque limit").get_ydata())[0])
     assert shown == pytest.approx(60.0 / 7.05)
@@ -192,7 +192,7 @@ def test_portrait_is_coloured_by_phase(walk: Run) -> None:
         assert found == set(PHASE_COLOURS.values())
 
 
-def test_angles_of_a_long_run_are_those_of_its_end(walk: Run) -> None:
+def test_angles_of_a_long_run_show_its_end(walk: Run) -> None:
     time = np.asarray(line(draw_angles(walk), 0, "angle").get_xdata())
     assert_allclose(time, walk.log["time_s"])
 
@@ -215,7 +215,7 @@ def test_phases_have_colours_of_their_own_and_unknown_ones_get_one() -> None:
     assert unknown[0] != unknown[1] and not set(unknown) & set(PHASE_COLOURS.values())
 
 
-# ---------------------------------------------------------------------- what befell the run
+# ---------------------------------------------------------------------- events of the run
 
 STRUCK, TRIPPED = 4.0, 4.5  # [s]
 
@@ -256,7 +256,7 @@ def test_phases_are_grey_after_the_trip(tripped: Run, draw: Callable) -> None:
     assert "held after the trip" in legend_labels(figure)
 
 
-def test_the_window_goes_back_to_the_event(tripped: Run) -> None:
+def test_the_window_includes_the_event(tripped: Run) -> None:
     long = replace(tripped, trip=None, status=RunStatus.COMPLETED)
     time = walk_time(long)[event_window(long, 1.5)]
     assert (time[0], time[-1]) == pytest.approx((STRUCK - 0.5, STRUCK + 1.0), abs=2e-3)
@@ -264,7 +264,7 @@ def test_the_window_goes_back_to_the_event(tripped: Run) -> None:
     assert walk_time(quiet)[event_window(quiet, 1.5)][-1] == pytest.approx(7.199)
 
 
-def test_a_stride_with_a_trip_in_it_is_no_stride(tripped: Run, walk: Run) -> None:
+def test_a_stride_with_a_trip_is_not_counted(tripped: Run, walk: Run) -> None:
     assert walk.steady_spans == ((0.0, math.inf),) and tripped.steady_spans == ((0.0, TRIPPED),)
     for record, whole in zip(tripped.leg_records(), walk.leg_records(), strict=True):
         strides = record.strides(skip=0)

@@ -38,13 +38,13 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@pytest.mark.parametrize("where", ["MATPLOTLIBRC", "working folder", "MPLBACKEND"])
+@pytest.mark.parametrize("source", ["MATPLOTLIBRC", "working folder", "MPLBACKEND"])
 def test_settings_of_the_user_change_no_picture(
-    where: str, pictures: dict[str, bytes], tmp_path: Path
+    source: str, pictures: dict[str, bytes], tmp_path: Path
 ) -> None:
     environment = {**os.environ}
     rc = "\n".join(f"{name}: {value}" for name, value in SETTINGS.items())
-    match where:
+    match source:
         case "MATPLOTLIBRC":
             (tmp_path / "rc").write_text(rc, encoding="utf-8")
             environment["MATPLOTLIBRC"] = str(tmp_path / "rc")
@@ -87,9 +87,9 @@ def test_a_picture_that_fails_is_warned_of_and_recorded(
 
     monkeypatch.setitem(figures.FIGURES, "torques", fail)
     monkeypatch.setattr("twin_gait.viewer.scene.load_visuals", fail)
-    with pytest.warns(PictureWarning) as told:
+    with pytest.warns(PictureWarning) as issued:
         folder = save_run(run, tmp_path / "walk")
-    assert len(told) == 1 and "\n" not in str(told[0].message) and "torques" in str(told[0].message)
+    assert len(issued) == 1 and "\n" not in str(issued[0].message) and "torques" in str(issued[0].message)
     summary = json.loads((folder / "summary.json").read_text())
     reason = "RuntimeError: no latex there"
     assert summary["pictures_failed"] == {"torques": reason, "animation.html": reason}
@@ -97,9 +97,7 @@ def test_a_picture_that_fails_is_warned_of_and_recorded(
     assert load_run(folder).log.equals(run.log)
 
 
-def test_a_matplotlib_that_cannot_be_imported_costs_the_pictures_only(
-    run: Run, tmp_path: Path, monkeypatch
-) -> None:
+def test_without_matplotlib_only_the_pictures_are_missing(run: Run, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "twin_gait.report.figures", None)
     with warns(PictureWarning, "figures", "ModuleNotFoundError"):
         folder = save_run(run, tmp_path / "walk")
@@ -114,7 +112,7 @@ def test_simulate_prints_one_line_and_exits_with_0(tmp_path: Path, monkeypatch, 
     assert (out / "summary.json").is_file()
 
 
-def test_other_reports_do_without_a_picture(tmp_path: Path) -> None:
+def test_other_reports_omit_a_failed_picture(tmp_path: Path) -> None:
     drawings = {"one": lambda: 1 / 0, "two": canvas.Figure, "none": lambda: None}
     failed = canvas.write_figures_page(
         tmp_path / "report.html", drawings, "title", "", [("head",), ("cell",)], {}

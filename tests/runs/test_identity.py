@@ -1,4 +1,4 @@
-"""Runs are told apart by wearer, gait table, device and controller, in summary, description and pages."""
+"""Tests that summary, description and pages identify wearer, gait table, device and controller of a run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def plain() -> StoredRun:
 
 
 @pytest.mark.parametrize("key", DIFFERENCES)
-def test_two_runs_differ_in_summary_and_page_in_what_differs_alone(key: str, plain: StoredRun) -> None:
+def test_summaries_and_pages_of_two_runs_differ_only_in_the_changed_values(
+    key: str, plain: StoredRun
+) -> None:
     other = stored(*DIFFERENCES[key])
     assert [name for name in KEYS if plain.summary[name] != other.summary[name]] == [key]
     (text,) = page_texts(other, plain)["differing"]
@@ -64,7 +66,7 @@ def test_two_runs_differ_in_summary_and_page_in_what_differs_alone(key: str, pla
     assert sum(other.summary["description"] in line for line in report(other.summary)) == 1
 
 
-def test_a_person_is_named_and_said_to_be_changed() -> None:
+def test_a_changed_person_is_named_and_marked_as_changed() -> None:
     shipped, changed = experiment("patient=stroke_left"), experiment(*STROKE)
     digest = summarise_run(simulate(changed))["patient"]["sha256"]
     walk, device = "1.50 km/h, 60 % of the weight supported", "device twin"
@@ -77,7 +79,7 @@ def test_a_person_is_named_and_said_to_be_changed() -> None:
     assert describe(replace(shipped, patient=None))[0] == "no wearer"
 
 
-def test_parts_of_the_user_are_named_by_their_files_and_two_versions_differ(tmp_path: Path) -> None:
+def test_own_parts_are_named_by_their_files_and_two_versions_differ(tmp_path: Path) -> None:
     shutil.copy(find_urdf("twin.urdf"), tmp_path / "mine.urdf")
     (tmp_path / "anna.yaml").write_text("mass_kg: 60\nleft: {knee: {passive: 1}}\n", encoding="utf-8")
     (tmp_path / "slow.yaml").write_text("extends: treadmill\nblending: {duration_ms: 90}\n", encoding="utf-8")
@@ -100,7 +102,7 @@ def test_presets_are_as_shipped(preset: str) -> None:
 
 
 @pytest.mark.parametrize("typed", [True, False])
-def test_names_come_back_from_a_run_folder(typed: bool, tmp_path: Path) -> None:
+def test_names_are_read_back_from_a_run_folder(typed: bool, tmp_path: Path) -> None:
     loaded = load_experiment("treadmill", ["duration_s=0.02", *STROKE])
     run = simulate(loaded.experiment)
     document = resolved_document(loaded.experiment, loaded.document if typed else None, {})
@@ -138,7 +140,7 @@ def test_the_live_page_describes_its_walk() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "../anna", "a\nb", ".", "x" * 81, "\x1b[2J"])
-def test_a_name_that_is_no_plain_name_is_refused(name: str, tmp_path: Path) -> None:
+def test_a_name_with_special_characters_is_refused(name: str, tmp_path: Path) -> None:
     with raises(ParameterError, "name", "1", "80"):
         Patient(name=name)
     file = tmp_path / "anna.yaml"

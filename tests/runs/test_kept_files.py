@@ -1,4 +1,4 @@
-"""What killed runs leave is found and can be removed; what was written stays, also without power."""
+"""Tests that remains of killed runs are found and removed, and that written files survive a power failure."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ with staged_directory(Path(sys.argv[1]), FolderKind("a test folder", "mark")) as
 
 @pytest.fixture
 def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What a process leaves behind that was killed while it wrote a folder."""
+    """Return the remains of a process that was killed while it wrote a folder."""
     monkeypatch.setattr(folders, "SETTLED", -1.0)
     process = subprocess.Popen(
         [sys.executable, "-c", WRITER, str(tmp_path / "runs" / "a")], stdout=subprocess.PIPE, text=True
@@ -46,27 +46,27 @@ def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return left
 
 
-def test_the_folder_of_a_killed_run_is_found_and_offered(
+def test_the_folder_of_a_killed_run_is_found_and_reported(
     killed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert find_abandoned_folders(killed.parent) == [killed]
     monkeypatch.chdir(tmp_path)
     arguments = ["simulate", "bench_leg", "--duration", "0.1", "--no-pictures", "--out", "runs/b"]
     assert main(arguments) == 0
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert told.startswith("twin-gait: 1 incomplete folder of killed runs in ")
-    command = told.split("twin-gait sessions clean ")[1]
+    notice = capsys.readouterr().err.splitlines()[-1]
+    assert notice.startswith("twin-gait: 1 ")
+    command = notice.split("twin-gait sessions clean ")[1]
 
-    assert main(["sessions", "clean", command]) == 1  # nobody is there to agree
+    assert main(["sessions", "clean", command]) == 1  # no user can confirm
     shown = capsys.readouterr().out
     assert str(killed) in shown and "--yes" in shown and killed.exists()
     assert main(["sessions", "clean", "--yes", command]) == 0
     assert [path.name for path in killed.parent.iterdir()] == ["b"]
     assert main(["sessions", "clean"]) == 0
-    assert "nothing of killed runs in runs" in capsys.readouterr().out.splitlines()[-1]
+    assert "no folders of killed runs in runs" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_a_folder_that_is_being_written_is_left_alone(
+def test_a_folder_that_is_being_written_is_not_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with staged_directory(tmp_path / "a", KIND) as staging:
@@ -88,7 +88,7 @@ def test_clean_of_no_folder_is_one_line(tmp_path: Path, capsys: pytest.CaptureFi
 
 @pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
-    """What is synced and renamed, in order."""
+    """Record synced and renamed files in order."""
     seen: list[tuple[str, str]] = []
     sync, replace, rename = os.fsync, os.replace, os.rename
 

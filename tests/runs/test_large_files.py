@@ -10,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from errors import states
 
 from twin_gait import files
 from twin_gait.cli import main
@@ -23,7 +24,7 @@ from twin_gait.runs.record import read_stored_run
 
 @pytest.fixture(scope="module")
 def bomb(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Some kilobytes that unpack to twice as many rows as are read."""
+    """Write some kilobytes that unpack to twice the maximum number of rows."""
     path = tmp_path_factory.mktemp("bomb") / "log.parquet"
     zeros = pa.table({"time_s": np.zeros(2 * files.MOST_ROWS, dtype=np.int8)})
     pq.write_table(zeros, path, compression="zstd")
@@ -33,11 +34,11 @@ def bomb(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def refused(read: object, path: Path) -> str:
     started = time.monotonic()
-    with pytest.raises(ParameterFileError) as told:
+    with pytest.raises(ParameterFileError) as caught:
         read(path)  # type: ignore[operator]
     assert time.monotonic() - started < 5.0
-    assert "\n" not in str(told.value)
-    return str(told.value)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 def test_a_small_file_that_unpacks_to_too_many_rows_is_refused(
@@ -61,7 +62,7 @@ def test_many_columns_count_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         assert len(read_log_table(tmp_path / name).names) == 3
     monkeypatch.setattr(files, "MOST_CELLS", 149)
     for name in ("a.parquet", "a.csv"):
-        assert "50 rows of 3 columns" in refused(read_log_table, tmp_path / name)
+        assert states(refused(read_log_table, tmp_path / name), "50", "3")
 
 
 def test_the_longest_run_can_be_read_again() -> None:
@@ -71,7 +72,7 @@ def test_the_longest_run_can_be_read_again() -> None:
 
 @pytest.mark.parametrize("name", ["long.csv", "long.mot"])
 @pytest.mark.parametrize("text", [",".join(["1"] * 2_000_000), "time,hip\n0,1\n" + "1," * 2_000_000 + "\n"])
-def test_a_line_of_four_megabytes_does_not_hang(tmp_path: Path, name: str, text: str) -> None:
+def test_a_line_of_four_megabytes_is_handled_in_time(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text)
     assert "characters" in refused(read_log_table, tmp_path / name)
 
@@ -79,7 +80,7 @@ def test_a_line_of_four_megabytes_does_not_hang(tmp_path: Path, name: str, text:
 def test_a_text_that_is_too_long_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (tmp_path / "log.csv").open("wb") as file:
         file.truncate(files.MOST_TEXT + 1)  # a hole, which takes no disk
-    assert "cut it in parts" in refused(read_log_table, tmp_path / "log.csv")
+    assert "divide the file" in refused(read_log_table, tmp_path / "log.csv")
 
 
 @pytest.mark.parametrize("before", ["", "# mass_kg: 2.5\n"])

@@ -37,7 +37,7 @@ def directory(run, tmp_path_factory):
     return target
 
 
-def test_holds_every_file(directory):
+def test_run_directory_contains_every_file(directory):
     assert sorted(path.name for path in directory.iterdir()) == [
         "experiment.yaml",
         "log.parquet",
@@ -54,12 +54,12 @@ def test_log_is_read_back_bit_for_bit(run, directory):
 def test_columns_of_numbers_are_written_without_a_dictionary(directory):
     """With one a log takes three times as long to write and a quarter more space."""
     group = pq.ParquetFile(directory / "log.parquet").metadata.row_group(0)
-    columns = [group.column(place) for place in range(group.num_columns)]
+    columns = [group.column(index) for index in range(group.num_columns)]
     encoded = {column.physical_type for column in columns if column.has_dictionary_page}
     assert "DOUBLE" not in encoded and any(column.physical_type == "DOUBLE" for column in columns)
 
 
-def test_a_run_is_read_back_with_all_that_it_had(run, directory):
+def test_a_run_is_read_back_completely(run, directory):
     again = read_stored_run(directory).run
     assert (again.table, again.switches, again.trip) == (run.table, run.switches, run.trip)
     assert (again.status, again.reason, again.wall_s) == (run.status, run.reason, run.wall_s)
@@ -75,7 +75,7 @@ def test_an_experiment_with_numbers_of_numpy_is_written_and_read(run, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a\nb", None])
-def test_a_name_that_a_run_directory_could_not_be_read_with_is_refused(run, name):
+def test_a_name_unfit_for_a_run_directory_is_refused(run, name):
     with raises(ParameterError, "name", repr(name)):
         replace(run.experiment, name=name)
 
@@ -94,8 +94,8 @@ def test_log_carries_units_schema_version_and_status(directory):
     assert metadata[b"twin_gait.schema_version"] == str(LOG_SCHEMA_VERSION).encode()
     assert metadata[b"twin_gait.status"] == b"completed"
     units = json.loads(metadata[b"twin_gait.units"])
-    assert units["right_hip_motor_torque_Nm"] == "N m"
-    assert units["right_knee_stiffness_Nm_per_rad"] == "N m/rad"
+    assert units["right_hip_motor_torque_Nm"] == "N·m"
+    assert units["right_knee_stiffness_Nm_per_rad"] == "N·m/rad"
     assert units["right_knee_velocity_rad_per_s"] == "rad/s"
 
 
@@ -128,7 +128,7 @@ def test_summary_is_strict_json(directory):
     json.loads((directory / "summary.json").read_text(), parse_constant=refuse)
 
 
-def test_an_error_inside_leaves_nothing_behind(tmp_path):
+def test_an_error_while_writing_leaves_no_files(tmp_path):
     with pytest.raises(ZeroDivisionError), staged_directory(tmp_path / "walk", RUN_DIRECTORY) as staging:
         (staging / "half").write_text("half")
         raise ZeroDivisionError
@@ -167,7 +167,7 @@ def test_a_folder_that_is_not_a_run_is_refused(tmp_path):
         read_stored_run(tmp_path)
 
 
-def test_a_run_with_other_columns_is_refused_with_what_makes_it_again(tmp_path, directory):
+def test_a_run_with_other_columns_is_refused_with_the_command_that_repeats_it(tmp_path, directory):
     old = shutil.copytree(directory, tmp_path / "old")
     summary = json.loads((old / "summary.json").read_text())
     (old / "summary.json").write_text(json.dumps({**summary, "log_schema_version": 1}))

@@ -1,4 +1,4 @@
-"""The summary of a walk whose every measure is known, of a real one-legged run, and of nothing at all."""
+"""Tests of the summary of a walk with known measures, of a one-legged run, and of an empty run."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def summary(walk: Run) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def bench_run() -> Run:
-    """Long enough for a stride in the air."""
+    """Return a bench run with one stride in the air."""
     return simulate(replace(load_experiment("bench_leg").experiment, duration=3.0))
 
 
@@ -77,7 +77,7 @@ def test_run_is_described(summary: dict[str, Any]) -> None:
     assert summary["realtime_factor"] == pytest.approx(LENGTH * TICK / 3.6)
 
 
-def test_versions_are_those_that_were_imported() -> None:
+def test_versions_equal_the_imported_packages() -> None:
     found = software_versions()
     assert found["twin_gait"] == twin_gait.__version__
     assert found["python"] == platform.python_version()
@@ -120,7 +120,7 @@ def test_only_a_contact_of_the_even_walk_can_be_missed(walk: Run, stop: float) -
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_error_from_contact_is_the_error_that_was_put_in(summary: dict[str, Any], side: str) -> None:
+def test_error_from_contact_equals_the_imposed_error(summary: dict[str, Any], side: str) -> None:
     values = summary["sides"][side]
     # Between ticks the curves are interpolated linearly, which errs by less than 1e-3 deg.
     assert values["rmse_hip_by_contact_deg"] == pytest.approx(math.degrees(HIP_OFFSET), abs=1e-3)
@@ -152,7 +152,7 @@ def test_symmetric_walk_has_no_asymmetry(summary: dict[str, Any]) -> None:
     assert all(value == pytest.approx(0.0, abs=1e-9) for value in summary["symmetry"].values())
 
 
-def test_error_from_phase_entry_is_that_of_a_shifted_curve(summary: dict[str, Any]) -> None:
+def test_error_from_phase_entry_equals_the_error_of_a_shifted_curve(summary: dict[str, Any]) -> None:
     # A stride that begins 0.2 s early is compared with the reference 16.7 % of a cycle too late.
     assert summary["sides"]["left"]["rmse_knee_by_phase_deg"] > 10.0
 
@@ -167,7 +167,7 @@ def test_battery_and_energy_of_the_known_walk(summary: dict[str, Any]) -> None:
     assert summary["energy_residual_share"] == pytest.approx(ENERGY_SLIP / 60.0)
 
 
-def test_torque_at_switches_is_looked_at_until_their_blends_end(walk: Run) -> None:
+def test_torque_at_switches_is_evaluated_until_their_blends_end(walk: Run) -> None:
     log = walk.log.copy()
     command = log["right_knee_motor_command_torque_Nm"].to_numpy().copy()
     switch = next(item for item in walk.switches if item.side == "right" and item.tick > 3000)
@@ -186,7 +186,7 @@ def test_torque_at_switches_is_looked_at_until_their_blends_end(walk: Run) -> No
 
 
 def stiffness_and_equilibrium_by_phase(walk: Run, equilibrium: float) -> Run:
-    """A left knee at 0.2 rad with 300 N m/rad in early stance, at 0.1 with 100 about zero elsewhere."""
+    """Set the left knee to 0.2 rad with 300 N·m/rad in early stance, else to 0.1 rad with 100 N·m/rad."""
     early = (walk.log["left_phase"] == "early_stance").to_numpy()
     columns = {
         "measured_angle_rad": np.where(early, 0.2, 0.1),
@@ -197,7 +197,7 @@ def stiffness_and_equilibrium_by_phase(walk: Run, equilibrium: float) -> Run:
     return replace(walk, log=log)
 
 
-def test_a_stiff_phase_puts_in_more_than_a_joint_gives_back_that_is_less_bent_at_its_end(walk: Run) -> None:
+def test_net_spring_work_of_a_phase_depends_on_the_deflections_at_its_ends(walk: Run) -> None:
     knee = summarise_run(stiffness_and_equilibrium_by_phase(walk, 0.0))["sides"]["left"]["joints"]["knee"]
     assert knee["switch_energy_J"] == pytest.approx(0.5 * 200.0 * (0.2**2 - 0.1**2))
 
@@ -209,7 +209,7 @@ def test_energy_by_switching_counts_the_equilibrium_too(walk: Run) -> None:
     assert knee["switch_energy_J"] == pytest.approx(begins + ends)
 
 
-def test_torque_jump_and_change_of_a_joint_are_those_of_its_counted_switches(walk: Run) -> None:
+def test_torque_jump_and_change_of_a_joint_are_over_its_counted_switches(walk: Run) -> None:
     first, counted = (LAG + 100, LAG + 3 * STRIDE)  # no switch, and within the third stride
     tick = next(item.tick for item in walk.switches if item.side == "left" and item.tick > counted)
     command = np.zeros(LENGTH)
@@ -242,7 +242,7 @@ def test_command_beyond_the_limit_counts_as_saturated(walk: Run) -> None:
     assert hip["saturated_share"] == pytest.approx(0.1)
 
 
-def test_share_of_any_joint_at_a_limit_is_not_that_of_the_worst_joint(walk: Run) -> None:
+def test_share_of_any_joint_at_a_limit_differs_from_the_share_of_the_worst_joint(walk: Run) -> None:
     """Ticks 0 to 99 of one joint and 50 to 249 of another: 200 of the worst, 250 of any."""
     log = walk.log.copy()
     for name, ticks in (("left_hip", slice(0, 99)), ("right_knee", slice(50, 249))):
@@ -271,7 +271,7 @@ def test_timeouts_are_counted_in_all_and_once_the_gait_has_settled() -> None:
     assert (CYCLE[3][0], CYCLE[3][1]) == ("swing_flexion", "swing_extension")
 
 
-def test_skipped_strides_are_a_choice(walk: Run) -> None:
+def test_number_of_skipped_strides_is_an_option(walk: Run) -> None:
     summary = summarise_run(walk, skip_strides=0)
     assert summary["strides_skipped"] == 0
     assert summary["sides"]["left"]["strides_counted"] == N_STRIDES - 1
@@ -289,7 +289,7 @@ def test_no_reference_beyond_its_speeds(belt_speed: float) -> None:
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 500])
-def test_run_that_ends_at_once_is_summed_up_without_numbers(walk: Run, rows: int) -> None:
+def test_summary_of_an_immediately_ending_run_has_no_numbers(walk: Run, rows: int) -> None:
     cut = replace(walk, log=walk.log.iloc[:rows], switches=(), status=RunStatus.INTERRUPTED, reason="stopped")
     summary = summarise_run(cut)
     json.dumps(summary, allow_nan=False)
@@ -331,7 +331,7 @@ def test_energy_of_a_simulated_run_balances(bench_run: Run) -> None:
 # ------------------------------------------------------------------ the walk beside healthy walking
 
 
-def test_walk_is_measured_in_units_that_the_names_say(walk: Run, summary: dict[str, Any]) -> None:
+def test_measures_have_the_units_of_their_names(walk: Run, summary: dict[str, Any]) -> None:
     left, healthy = summary["sides"]["left"], summary["walk_reference"]
     carried = 0.4 * walk.body_weight
     assert left["walk"]["load_peak"] == pytest.approx(400.0 / carried)
@@ -348,7 +348,7 @@ def test_walk_is_measured_in_units_that_the_names_say(walk: Run, summary: dict[s
     assert healthy["fore_aft_force_N"] == 0.0
 
 
-def test_reference_of_the_ground_force_is_that_of_the_table(summary: dict[str, Any]) -> None:
+def test_reference_of_the_ground_force_equals_the_table(summary: dict[str, Any]) -> None:
     """Winter (1991), slow cadence: 9.81 and 10.01 N/kg about a trough of 8.5 N/kg; 1.59 N/kg at 1 m/s."""
     healthy = summary["walk_reference"]
     assert healthy["loading_peak"] == pytest.approx(9.81 / 9.81, abs=1e-3)
@@ -358,7 +358,7 @@ def test_reference_of_the_ground_force_is_that_of_the_table(summary: dict[str, A
     assert healthy["braking_peak"] == pytest.approx(-1.52 / 9.81 * 1.5 / 3.6, abs=1e-3)
 
 
-def test_errors_of_known_offset_and_wave_are_told_apart(summary: dict[str, Any]) -> None:
+def test_errors_of_known_offset_and_wave_are_separated(summary: dict[str, Any]) -> None:
     errors = summary["sides"]["left"]["errors"]
     hip, knee = errors["hip"], errors["knee"]
     assert hip["offset_deg"] == pytest.approx(math.degrees(HIP_OFFSET))
@@ -369,7 +369,7 @@ def test_errors_of_known_offset_and_wave_are_told_apart(summary: dict[str, Any])
     assert parts == pytest.approx(math.degrees(KNEE_AMPLITUDE) ** 2 / 2.0, rel=1e-4)
 
 
-def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
+def test_table_is_shown_next_to_healthy_walking(summary: dict[str, Any]) -> None:
     head, *rows = walk_table(summary)
     assert head == ("", "left", "right", "healthy")
     cells = {row[0]: row[1:] for row in rows}
@@ -385,7 +385,7 @@ def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
 
 
 def dragged(walk: Run, force: float) -> dict[str, Any]:
-    """The walk with feet that the belt pulls back so hard in stance."""
+    """Return the walk with a given backward force of the belt on the feet in stance."""
     log = walk.log.copy()
     for side in ("left", "right"):
         log[f"{side}_foot_friction_force_N"] = np.where(log[f"{side}_foot_normal_force_N"] > 0.0, -force, 0.0)
@@ -395,19 +395,19 @@ def dragged(walk: Run, force: float) -> dict[str, Any]:
     return summarise_run(replace(walk, log=log))
 
 
-def test_belt_that_carries_a_walk_is_said_and_no_other(walk: Run) -> None:
+def test_note_appears_only_if_the_belt_carries_the_walk(walk: Run) -> None:
     free = dragged(walk, 0.0)
     assert belt_carries_note(free) == "" and free["power"]["belt_driven"] is False
     pulled = dragged(walk, 20.0)
     mean = 2.0 * 20.0 * (1.0 - SWING / STRIDE)
     assert pulled["power"]["belt_W"] == pytest.approx(mean * 1.5 / 3.6)
     assert pulled["power"]["motors_W"] == 0.0
-    told = belt_carries_note(pulled)
-    assert told.startswith("The belt carries this walk") and f"{amount(mean)} N" in told
+    note = belt_carries_note(pulled)
+    assert note.startswith("The belt drives this walk") and f"{amount(mean)} N" in note
     assert belt_carries_note(dragged(walk, 5.0)) == ""  # 6 N are less than 2 % of 352 N
 
 
-def test_leg_on_a_stand_has_no_walk_to_tell_of(bench_run: Run) -> None:
+def test_bench_leg_has_no_walk_measures(bench_run: Run) -> None:
     summary = summarise_run(bench_run)
     assert "power" not in summary and "walk" not in summary["sides"]["right"]
     assert walk_table(summary) == [] and list(format_table([])) == []
@@ -416,7 +416,7 @@ def test_leg_on_a_stand_has_no_walk_to_tell_of(bench_run: Run) -> None:
     assert walk_table({"sides": {"left": {"strides": 3}}}) == []
 
 
-def test_what_a_leg_does_in_the_hold_is_no_gait(walk: Run, summary: dict[str, Any]) -> None:
+def test_motion_in_the_hold_is_not_counted_as_gait(walk: Run, summary: dict[str, Any]) -> None:
     trip = Trip(LENGTH * 2 // 3, TripCause.DRIVE, Side.LEFT, JointName.HIP)
     log = walk.log.copy()
     for side in Side:

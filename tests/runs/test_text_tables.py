@@ -1,4 +1,4 @@
-"""Tables of text as other programs export them: each kind of layout is read, or refused with a way out."""
+"""Tests of text tables of other programs: each layout is read, or refused with a suggestion."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_every_layout_gives_the_same_numbers(tmp_path, name):
         (codecs.BOM_UTF32_LE, "utf-32-le"),
     ],
 )
-def test_the_byte_order_mark_gives_the_encoding(tmp_path, mark, encoding):
+def test_the_byte_order_mark_selects_the_encoding(tmp_path, mark, encoding):
     path = tmp_path / "a.csv"
     path.write_bytes(mark + text_of("\t").encode(encoding))
     np.testing.assert_array_equal(read_log_table(path).numbers("hip"), NUMBERS[:, 1])
@@ -79,15 +79,15 @@ def test_a_number_sign_is_a_comment_at_the_start_of_a_line_only(tmp_path):
 def test_a_line_of_units_is_appended_to_the_names(tmp_path, units):
     path = tmp_path / "a.csv"
     path.write_text(PLAIN.replace("knee\n", f"knee\n{units}\n"))
-    for asked in ((), ("hip", "knee")):
-        table = read_text_table(path, asked)
+    for columns in ((), ("hip", "knee")):
+        table = read_text_table(path, columns)
         assert table.names[1:] == ("hip [deg]", "knee [deg]")
         assert table.full_name("hip") == "hip [deg]"
         np.testing.assert_array_equal(table.numbers("hip [deg]"), NUMBERS[:, 1])
 
 
 @pytest.mark.parametrize("mark", ["-1.#IND", "1.#QNAN0", "-1.#IND000", "NaN", "n/a", "-", ""])
-def test_what_programs_print_for_no_number_is_a_gap(tmp_path, mark):
+def test_texts_for_missing_numbers_are_gaps(tmp_path, mark):
     path = tmp_path / "a.csv"
     path.write_text(PLAIN.replace("1.75", mark))
     np.testing.assert_array_equal(read_text_table(path).numbers("hip", gaps=True), [1.5, np.nan, 2.0])
@@ -100,7 +100,7 @@ def test_a_decimal_comma_is_not_taken_for_a_mark_of_thousands(tmp_path):
         read_text_table(path).numbers("hip")
 
 
-def test_an_export_of_nexus_is_refused_with_what_to_delete(tmp_path):
+def test_an_export_of_nexus_is_refused_with_the_lines_to_delete(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(
         "Model Outputs\n100\n,,S:LHipAngles,,\nFrame,Sub Frame,X,Y,Z\n,,deg,deg,deg\n1,0,11,0,0\n"
@@ -124,7 +124,7 @@ def test_a_header_of_opensim_that_does_not_fit_is_read_with_a_notice(tmp_path, s
     assert table.numbers("hip_flexion_r").tolist() == [0.5, 0.75]
 
 
-def test_a_path_of_moco_is_its_coordinate_if_it_is_a_value(tmp_path):
+def test_a_moco_value_path_gives_its_coordinate(tmp_path):
     path = tmp_path / "a.sto"
     names = "/jointset/knee_r/knee_angle_r/value\t/jointset/knee_r/knee_angle_r/speed"
     path.write_text(STORAGE.format(names).replace("0.5", "0.5\t9").replace("0.75", "0.75\t9"))

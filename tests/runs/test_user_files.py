@@ -1,4 +1,4 @@
-"""A run folder has the user's own files: it opens where the originals are not."""
+"""Tests that a run folder contains the files of the user and is readable without the originals."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def original(name: str) -> Path:
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """Folder with a URDF that names meshes in three ways, a DBC, a person, a table and modes of one's own."""
+    """Return a folder with own files: URDF with three kinds of mesh paths, DBC, person, table, modes."""
     folder = tmp_path / "lab"
     (folder / "robot" / "urdf").mkdir(parents=True)
     (folder / "robot" / "parts").mkdir()
@@ -68,7 +68,7 @@ def change(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("loss", [remove, change])
-def test_a_run_opens_draws_and_runs_again_without_the_originals(
+def test_a_run_is_read_drawn_and_repeated_without_the_original_files(
     loss: Callable[[Path], None], own: Path, tmp_path: Path, capsys
 ) -> None:
     run_folder = tmp_path / "here" / "walk"
@@ -96,7 +96,7 @@ def test_a_run_opens_draws_and_runs_again_without_the_originals(
     )
     for command in commands:
         done = subprocess.run([sys.executable, "-c", code, *command], cwd="/", capture_output=True, text=True)
-        assert done.returncode == 0 and "is not there" not in done.stderr, done.stderr
+        assert done.returncode == 0 and "does not exist" not in done.stderr, done.stderr
     assert load_run(second).log.equals(first.log)
 
     document = yaml.safe_load((moved / "experiment.yaml").read_text(encoding="utf-8"))

@@ -55,19 +55,19 @@ def assert_same(ours: pd.DataFrame, theirs: pd.DataFrame) -> None:
 
 @pytest.mark.slow
 def test_two_workers_give_the_same_table(walk, alone):
-    asked, counts = [], []
+    polls, counts = [], []
 
     def progress(done: int, total: int) -> None:
         counts.append((done, total))
         # A worker's task and one to follow: what is under way does not grow with the batch.
-        assert len(asked) <= done + 3
+        assert len(polls) <= done + 3
 
     table = simulate_batch(
         walk,
         OVERRIDES,
         workers=2,
         progress=progress,
-        should_stop=lambda: asked.append(True) or False,
+        should_stop=lambda: polls.append(True) or False,
     )
     assert_same(table, alone)
     assert counts == [(done, 12) for done in range(1, 13)]
@@ -152,7 +152,7 @@ simulate_batch(experiment, [{"seed": seed} for seed in range(EPISODES)], workers
 
 @pytest.mark.slow
 @pytest.mark.parametrize("episodes", [2, 5])
-def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
+def test_a_script_without_a_main_guard_is_reported_once(tmp_path, episodes):
     script = tmp_path / "script.py"
     script.write_text(UNGUARDED.replace("EPISODES", str(episodes)))
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
@@ -168,7 +168,7 @@ def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):
         simulate_batch(walk, [{"duration_s": 0.1}, {"leg.left.hip": "nothing"}], workers=2)
 
 
-def test_senseless_workers_are_refused(walk):
+def test_invalid_numbers_of_workers_are_refused(walk):
     with raises(ParameterError, "workers", "1", "0"):
         simulate_batch(walk, [{}, {}], workers=0)
 
@@ -199,7 +199,7 @@ def test_a_batch_stopped_at_once_and_an_empty_one_have_no_rows(walk):
     assert len(simulate_batch(walk, [])) == 0
 
 
-def test_a_key_named_like_a_measure_keeps_both(walk):
+def test_a_key_named_like_a_measure_keeps_both_columns(walk):
     table = simulate_batch(walk, [{"duration_s": np.float64(0.2)}, {**OVERRIDES[FALLING], "duration_s": 4}])
     assert table["set.duration_s"].tolist() == [0.2, 4.0]
     assert table["duration_s"][0] == 0.2

@@ -68,7 +68,7 @@ def table_friction(w: float) -> float:
 
 
 @given(numbers, widths)
-def test_dead_zone_is_odd_and_takes_off_its_half_width(x: float, width: float) -> None:
+def test_dead_zone_is_odd_and_subtracts_its_half_width(x: float, width: float) -> None:
     assert dead_zone(-x, width) == -dead_zone(x, width)
     assert dead_zone(x, width) == np.sign(x) * max(abs(x) - width, 0.0)
 
@@ -79,9 +79,7 @@ def test_dead_zone_of_no_width_changes_nothing(x: float) -> None:
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.05, 1.0))
-def test_accelerometer_feels_nothing_along_its_path_on_a_pendulum_that_swings_freely(
-    angle: float, lever: float
-) -> None:
+def test_tangential_specific_force_on_a_free_pendulum_is_zero(angle: float, lever: float) -> None:
     free = 9.81 / lever * math.cos(angle - 1.2)  # point mass at the accelerometer
     assert abs(tangential_specific_force(free, angle, lever, 9.81, 1.2)) < 1e-12
 
@@ -127,14 +125,14 @@ def test_gyroscope_gives_the_difference_of_the_velocity_of_the_link() -> None:
 
 
 @pytest.mark.parametrize("delay", [1, 7])
-def test_late_samples_are_those_of_so_many_ticks_ago(delay: int) -> None:
+def test_delayed_samples_are_the_set_number_of_ticks_old(delay: int) -> None:
     unit = InertialUnit(sensor=InertialSensor.GYROSCOPE, delay=delay, time_constant=0.0)
     used, _, velocity = estimate(moved(None, inertial_unit=unit))
     assert_allclose(used[delay + 1 :], np.diff(velocity)[:-delay] / 1e-3, atol=1e-9)
     assert (used[: delay + 1] == 0.0).all()
 
 
-def test_late_accelerometer_errs_by_the_gravity_of_the_way_since() -> None:
+def test_delayed_accelerometer_errs_by_the_gravity_change_since_the_sample() -> None:
     unit = InertialUnit(sensor=InertialSensor.ACCELEROMETER, delay=4, time_constant=0.0, lever=0.2)
     test = moved(None, inertial_unit=unit)
     used, true, _ = estimate(test)
@@ -156,7 +154,7 @@ def test_filter_behind_the_unit_is_of_the_first_order() -> None:
     ("sensor", "noise"),
     [(InertialSensor.GYROSCOPE, GYROSCOPE_NOISE), (InertialSensor.ACCELEROMETER, ACCELEROMETER_NOISE)],
 )
-def test_noise_of_the_unit_is_as_large_as_it_says_and_seeded(sensor: InertialSensor, noise: float) -> None:
+def test_noise_of_the_unit_has_the_set_size_and_is_seeded(sensor: InertialSensor, noise: float) -> None:
     unit = InertialUnit(sensor=sensor, delay=0, time_constant=0.0, noise=noise, lever=0.3)
     # A heavy joint that does not answer to the torque.
     still = moved(None, inertial_unit=unit, imposed_motion=None, gravity=0.0)
@@ -174,13 +172,13 @@ def test_unit_that_is_not_used_changes_nothing_in_the_joint() -> None:
     assert (plain == fitted).all()
 
 
-def test_compiled_inertial_unit_gives_what_plain_python_gives() -> None:
+def test_compiled_inertial_unit_equals_plain_python() -> None:
     for sensor in InertialSensor:
         test = moved(sensor, duration=0.05, torsion=Torsion())
         assert (simulate_bench(test, seed=3).log.to_numpy() == plain_rows(test, seed=3)).all()
 
 
-def test_reference_compensation_is_that_of_the_path() -> None:
+def test_reference_compensation_uses_the_velocity_of_the_path() -> None:
     path = CosinePath(start_angle=math.pi / 2, amplitude=-0.7, frequency=0.5)
     control = controlled(
         friction_compensation_gain=0.4,
@@ -195,7 +193,7 @@ def test_reference_compensation_is_that_of_the_path() -> None:
     assert_allclose(run.column("friction_compensation_torque_Nm"), expected, atol=1e-12)
 
 
-def test_compensation_behind_a_dead_zone_is_that_of_the_velocity_beyond_it() -> None:
+def test_compensation_behind_a_dead_zone_uses_the_velocity_beyond_it() -> None:
     control = controlled(friction_compensation_gain=0.4, dead_zone=0.05)
     run = simulate_bench(
         knee(control=control, imposed_motion=ImposedMotionParameters(amplitude=-0.7), duration=2.0)

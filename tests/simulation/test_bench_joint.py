@@ -160,7 +160,7 @@ def test_electromechanics_with_compliance_agree_with_radau_and_converge_to_it_wi
     assert 3.5 < errors[1][4] / errors[2][4] < 4.5
 
 
-def test_gear_that_hardly_twists_moves_like_a_rigid_one() -> None:
+def test_a_very_stiff_gear_moves_like_a_rigid_one() -> None:
     fall = knee(link=LinkParameters(mass=3.0), duration=0.5)
     rigid = simulate_bench(fall)
     stiff = simulate_bench(replace(fall, torsion=Torsion(stiffness=1e6, damping=20.0)))
@@ -192,7 +192,7 @@ def everything() -> BenchJoint:
     )
 
 
-def test_compiled_loop_gives_what_plain_python_gives() -> None:
+def test_compiled_loop_equals_plain_python() -> None:
     fall = bench_joint(KNEE, control=DutyControl(), duration=0.06)
     stuck = replace(fall, friction=BenchFriction(law=BRISTLES))
     chance = BenchVariation(current_offset=0.01, friction_ratio=0.9, ripple_phase=0.4, duty_start=60)
@@ -201,7 +201,7 @@ def test_compiled_loop_gives_what_plain_python_gives() -> None:
         assert (rows == plain_rows(test, seed=3, variation=chance)).all()
 
 
-def test_cache_key_covers_every_module_that_the_loop_is_made_of() -> None:
+def test_cache_key_covers_every_module_of_the_loop() -> None:
     made_of: set[str] = set()
 
     def note(function: FunctionType) -> FunctionType:
@@ -213,7 +213,7 @@ def test_cache_key_covers_every_module_that_the_loop_is_made_of() -> None:
     assert made_of <= {str(path.resolve()) for path in source_files()}
 
 
-def test_tests_share_one_loop_whatever_their_parts_and_lengths() -> None:
+def test_tests_of_all_parts_and_lengths_share_one_loop() -> None:
     sensors = SensorParameters(ideal=False, window=4)
     late = InertialUnit(sensor=InertialSensor.ACCELEROMETER, delay=7)
     fall = bench_joint(KNEE, control=DutyControl(), sensors=sensors, inertial_unit=late)
@@ -221,7 +221,7 @@ def test_tests_share_one_loop_whatever_their_parts_and_lengths() -> None:
     assert len(layouts) == 1
 
 
-def test_parameters_stand_in_the_record_as_they_are_declared() -> None:
+def test_parameters_are_in_the_record_in_declared_order() -> None:
     test = everything()
     kept = to_array(bench_episode(test, BenchVariation()))[0]
     assert kept["test"]["drive"]["ripple"] == test.drive.ripple > 0.0
@@ -273,7 +273,7 @@ def test_works_of_all_torques_add_up_to_the_kinetic_energy() -> None:
     assert_allclose(work, 0.5 * inertia * log["motor_velocity_rad_per_s"].iloc[-1] ** 2, rtol=2e-3)
 
 
-def led_by_hand(**control: object) -> BenchRun:
+def moved_by_hand(**control: object) -> BenchRun:
     test = bench_joint(
         KNEE,
         control=TorqueControl(friction_model=KNEE_FRICTION, **control),  # type: ignore[arg-type]
@@ -292,9 +292,9 @@ def loop_area(run: BenchRun, column: str) -> float:
     return float(np.trapezoid(torque * velocity, dx=1e-3))
 
 
-def test_hand_needs_less_work_the_more_friction_is_compensated_and_the_motor_gives_it() -> None:
+def test_work_of_the_hand_decreases_with_compensation_and_the_motor_supplies_it() -> None:
     gains = (0.0, 0.2, 0.35, 0.4, 0.45)
-    runs = [led_by_hand(friction_compensation_gain=gain) for gain in gains]
+    runs = [moved_by_hand(friction_compensation_gain=gain) for gain in gains]
     hand = [loop_area(run, "imposed_motion_torque_Nm") for run in runs]
     motor = [loop_area(run, "motor_torque_Nm") for run in runs]
     assert (np.diff(hand) < 0).all() and hand[-1] > 0.0
@@ -304,8 +304,8 @@ def test_hand_needs_less_work_the_more_friction_is_compensated_and_the_motor_giv
     assert_allclose(np.add(hand, motor), friction, rtol=0.02)
 
 
-def test_uncompensated_hand_feels_friction_and_inertia() -> None:
-    run = led_by_hand(friction_compensation_gain=0.0)
+def test_uncompensated_hand_torque_is_friction_and_inertia() -> None:
+    run = moved_by_hand(friction_compensation_gain=0.0)
     expected = (ARMATURE + 0.02) * run.column("motor_acceleration_rad_per_s2") + 0.6 * np.array(
         [table_friction(w) for w in run.column("motor_velocity_rad_per_s")]
     )
@@ -315,7 +315,7 @@ def test_uncompensated_hand_feels_friction_and_inertia() -> None:
     assert np.abs(run.column("motor_torque_Nm")).max() < 0.5  # the current loop's noise alone
 
 
-def test_impedance_of_a_joint_without_friction_has_the_slope_that_was_asked_for() -> None:
+def test_impedance_of_a_joint_without_friction_has_the_set_slope() -> None:
     k = 0.05 * 180 / math.pi
     test = knee(
         control=TorqueControl(
@@ -336,7 +336,7 @@ def test_impedance_of_a_joint_without_friction_has_the_slope_that_was_asked_for(
 
 
 def test_default_controller_is_the_one_of_the_thesis() -> None:
-    run = led_by_hand(friction_compensation_gain=0.4, stiffness=2.9, damping=0.3, equilibrium_angle=1.2)
+    run = moved_by_hand(friction_compensation_gain=0.4, stiffness=2.9, damping=0.3, equilibrium_angle=1.2)
     turned = 2.9 * (run.column("position_rad") - 1.2) + 0.3 * run.column("velocity_fast_rad_per_s")
     assert_allclose(run.column("impedance_torque_Nm"), -turned, rtol=1e-13)
     friction = [0.4 * table_friction(w) for w in run.column("velocity_slow_rad_per_s")]
@@ -344,21 +344,21 @@ def test_default_controller_is_the_one_of_the_thesis() -> None:
 
 
 def test_old_friction_model_compensates_by_equation_2_5() -> None:
-    run = led_by_hand(old_model=OldFrictionModel(coulomb=3.0, viscous=1.5), friction_compensation_gain=0.5)
+    run = moved_by_hand(old_model=OldFrictionModel(coulomb=3.0, viscous=1.5), friction_compensation_gain=0.5)
     fast = run.column("velocity_fast_rad_per_s")
     expected = 0.5 * (1.5 * fast + 3.0 * np.tanh(40 * fast))
     assert_allclose(run.column("friction_compensation_torque_Nm"), expected, atol=1e-12)
 
 
-def test_inertia_compensation_from_the_encoder_shakes_the_command() -> None:
-    quiet = led_by_hand(friction_compensation_gain=0.0)
-    shaken = led_by_hand(friction_compensation_gain=0.0, inertia_compensation=0.5)
+def test_inertia_compensation_from_the_encoder_makes_the_command_noisy() -> None:
+    quiet = moved_by_hand(friction_compensation_gain=0.0)
+    shaken = moved_by_hand(friction_compensation_gain=0.0, inertia_compensation=0.5)
     unrest = [np.std(np.diff(run.column("target_current_A"))) for run in (quiet, shaken)]
     assert unrest[1] > 100 * max(unrest[0], 1e-6)
 
 
-def test_noisy_loop_moves_the_joint_as_the_ideal_one_and_misses_its_target_by_its_noise() -> None:
-    real = led_by_hand()
+def test_noisy_loop_moves_the_joint_like_the_ideal_one_with_an_error_of_its_noise() -> None:
+    real = moved_by_hand()
     ideal = simulate_bench(replace(real.test, drive=replace(real.test.drive, loop=CurrentLoop.IDEAL)), seed=1)
     assert np.abs(real.column("link_angle_rad") - ideal.column("link_angle_rad")).max() < 1e-3
     rmse = np.sqrt(np.mean((real.column("target_current_A") - real.column("measured_current_A")) ** 2))
@@ -420,7 +420,7 @@ def test_bus_voltage_limits_the_speed_of_a_driven_joint(joint: JointName) -> Non
 
 
 def test_position_comes_in_counts_of_the_encoder_and_velocity_is_their_difference() -> None:
-    run = led_by_hand()
+    run = moved_by_hand()
     count = 2 * math.pi / (8192 * 100)
     counts = run.column("position_rad") / count
     assert np.abs(counts - np.round(counts)).max() < 1e-6
@@ -470,7 +470,7 @@ def test_amplitude_that_is_too_small_never_breaks_the_joint_away() -> None:
     assert speeds[0] < 0.02 < 0.05 < speeds[1]
 
 
-def test_printed_load_angle_does_not_move_a_level_link() -> None:
+def test_printed_load_angle_gives_no_torque_on_a_level_link() -> None:
     link = LinkParameters(mass=3.0, load_angle=LoadAngle.PRINTED)
     run = simulate_bench(knee(link=link, duration=1.0))
     assert np.abs(run.column("link_velocity_rad_per_s")).max() < 1e-12
@@ -487,9 +487,7 @@ def test_losses_of_a_cold_gear_slow_a_driven_joint() -> None:
 
 
 @pytest.mark.parametrize(("velocity", "share"), [(0.5, 1.0 / 0.8), (-0.5, 0.8)])
-def test_constant_efficiency_takes_its_share_of_what_the_gear_passes_on(
-    velocity: float, share: float
-) -> None:
+def test_constant_efficiency_reduces_the_transmitted_power_of_the_gear(velocity: float, share: float) -> None:
     """A weight slows its rise and falls, the winding open: what the gear passes on turns the rotor alone.
 
     On the way up the rotor drives and the link gets η of its J a; on the way down the link drives and feels
@@ -509,7 +507,7 @@ def test_constant_efficiency_takes_its_share_of_what_the_gear_passes_on(
     assert loss * velocity < 0.0
 
 
-def test_friction_that_grows_with_the_load_is_felt_under_load_only() -> None:
+def test_load_dependent_friction_acts_only_under_load() -> None:
     friction = BenchFriction(law=KNEE_FRICTION, coulomb_per_load=0.1)
     for gravity, extra in ((0.0, 0.0), (9.81, 0.1 * 9.81 * 0.9)):
         run = simulate_bench(
@@ -546,7 +544,7 @@ def test_joint_with_bristles_springs_back_until_it_breaks_away() -> None:
     assert_allclose(np.polyfit(time[-500:], speed[-500:], 1)[0], 1.2 / (ARMATURE + 0.02), rtol=1e-6)
 
 
-def test_run_that_explodes_says_so() -> None:
+def test_diverging_run_is_reported() -> None:
     control = TorqueControl(friction_model=KNEE_FRICTION, friction_compensation_gain=0, target_torque=40.0)
     light = bench_joint(
         KNEE, control=control, link=LinkParameters(mass=0.0, upper_stop=math.pi, inertia=1e-4), gravity=0.0

@@ -25,7 +25,7 @@ TALL = ("scenario.chair.height_m=0.4", "patient.height_m=1.88", "scenario.lean_d
 
 
 def seated(*changes: str):
-    """A wearer on a chair with empty hands; plain Python takes less time than compiling for it."""
+    """Return a wearer on a chair with empty hands; plain Python takes less time than compiling."""
     settings = [
         "engine=pinocchio",
         "sensors.ideal=true",
@@ -39,7 +39,7 @@ def seated(*changes: str):
 
 @pytest.fixture(scope="module")
 def rising():
-    """Leaning forward and up, and down again for want of hands."""
+    """Return a run of leaning forward and rising, and sitting down again without hands."""
     return simulate(seated("duration_s=3", "scenario.leading_phase=lean", "scenario.trailing_phase=lean"))
 
 
@@ -49,7 +49,7 @@ def on_feet(log):
 
 @pytest.mark.parametrize("changes", [(), SHORT, TALL], ids=["nominal", "short", "tall"])
 def test_start_is_in_balance(changes):
-    """Height, moment about the hips and ankles: what no motor holds has no acceleration if the others do."""
+    """Height, moment about the hips and ankles: coordinates without a motor have no acceleration at rest."""
     problem = build_setup(seated("duration_s=0.001", "engine=pinocchio", *changes))
     world, model = problem.world, problem.world.model
     log = simulate(problem.experiment).log.iloc[0]
@@ -87,7 +87,7 @@ def seat_and_soles(problem, q):
     return np.array([(stored(q - step) - stored(q + step)) / 2e-6 for step in steps])
 
 
-def test_wearer_left_alone_sits_still():
+def test_wearer_without_commands_sits_still():
     """In the phase of sitting, with hands that hold nothing: hips and knees take up the table's springs."""
     log = simulate(seated("duration_s=3")).log
     still = log[log["time_s"] > 2.0]
@@ -109,12 +109,12 @@ def test_energy_closes(rising):
     assert energy_balance(energy, works)["energy_residual_share"] < 1e-3
 
 
-def test_record_says_where_the_front_edge_is(rising):
+def test_record_has_the_position_of_the_front_edge(rising):
     assert set(rising.log["seat_forward_m"]) == {rising.experiment.scenario.chair.front}
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "facts"),
     [
         (("scenario.chair=null",), ("start", "sitting", "chair")),
         (("scenario.chair.height_m=0.7", "patient.height_m=1.5"), ("scenario.chair.height", "0.7")),
@@ -124,8 +124,8 @@ def test_record_says_where_the_front_edge_is(rising):
         (("scenario.chair.depth_m=0.01",), ("scenario.chair", "none")),
     ],
 )
-def test_a_seat_on_which_nobody_can_sit_is_refused(changes, told):
-    with raises(TwinGaitError, *told):
+def test_an_unusable_seat_is_refused(changes, facts):
+    with raises(TwinGaitError, *facts):
         seated(*changes).build_world()
 
 
@@ -137,20 +137,20 @@ def test_seat_in_mujoco_gives_the_log_of_the_compiled_engine():
     problem = build_setup(seated("duration_s=2", "integration.step_ms=0.25", "scenario.lean_deg=12"))
     bare = replace(problem, world=replace(problem.world, seat=None))
     kernel = SeatedMujocoKernel(problem).functions
-    ours, without = CompiledEngine(problem), ReferenceEngine(bare, kernel=kernel)
-    mine, theirs = ours.run(), without.run()
-    assert np.ptp(mine.log["seat_force_N"]) > 20.0
-    assert np.abs(mine.log["seat_friction_force_N"]).max() > 5.0
+    compiled, reference = CompiledEngine(problem), ReferenceEngine(bare, kernel=kernel)
+    compiled_run, reference_run = compiled.run(), reference.run()
+    assert np.ptp(compiled_run.log["seat_force_N"]) > 20.0
+    assert np.abs(compiled_run.log["seat_friction_force_N"]).max() > 5.0
     # What the guide of the pelvis takes is what no other force does: ours has the seat in it.
-    kept = replace(mine, log=mine.log[theirs.log.columns])
+    kept = replace(compiled_run, log=compiled_run.log[reference_run.log.columns])
     found, expected = (
         log_matrix(replace(run, log=run.log.drop(columns=["guide_force_N", "guide_moment_Nm"])))
-        for run in (kept, theirs)
+        for run in (kept, reference_run)
     )
     np.testing.assert_allclose(found, expected, atol=1e-9, rtol=0.0)
 
 
-def test_wearer_of_the_preset_rises_within_the_limits_and_brings_the_crutches_forward():
+def test_wearer_of_the_preset_rises_within_the_limits_and_moves_the_crutches_forward():
     run = simulate(load_experiment("sit_to_stand").experiment)
     log, end = run.log, run.log.iloc[-1]
     assert run.reason == ""
@@ -168,15 +168,17 @@ def test_wearer_of_the_preset_rises_within_the_limits_and_brings_the_crutches_fo
 CASES = tuple(itertools.product((0.40, 0.45, 0.50), (55, 75, 95), (1.60, 1.75, 1.90)))
 
 
-def ends_as_asked(preset: str, case: tuple[float, float, float], angle: float, sign: int) -> bool:
-    """Whether hips and knees end beyond an angle in [deg], no joint was at a stop and nobody fell."""
+def reaches_posture(preset: str, case: tuple[float, float, float], angle: float, sign: int) -> bool:
+    """Return whether hips and knees end beyond an angle in [deg] without a fall or a joint at its stop."""
     seat, mass, height = case
     settings = [f"scenario.chair.height_m={seat}", f"patient.mass_kg={mass}", f"patient.height_m={height}"]
     run = simulate(load_experiment(preset, ["duration_s=16", *settings]).experiment)
     joints = [f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee")]
     stopped = any(run.log[f"{joint}_stop_torque_Nm"].abs().max() > 0.0 for joint in joints)
-    there = all(sign * (np.degrees(run.log[f"{joint}_angle_rad"].iloc[-1]) - angle) > 0.0 for joint in joints)
-    return run.reason == "" and not stopped and there
+    reached = all(
+        sign * (np.degrees(run.log[f"{joint}_angle_rad"].iloc[-1]) - angle) > 0.0 for joint in joints
+    )
+    return run.reason == "" and not stopped and reached
 
 
 @pytest.mark.slow  # 54 runs of 16 s
@@ -184,11 +186,11 @@ def ends_as_asked(preset: str, case: tuple[float, float, float], angle: float, s
     ("preset", "angle", "sign", "least"), [("sit_to_stand", 35.0, -1, 25), ("stand_to_sit", 60.0, 1, 25)]
 )
 def test_most_wearers_reach_the_posture_on_most_chairs(preset, angle, sign, least):
-    """Nine of ten are asked for; the page on walking overground says how many there are."""
-    assert sum(ends_as_asked(preset, case, angle, sign) for case in CASES) >= least
+    """Nine of ten are required; the page on walking overground states the number."""
+    assert sum(reaches_posture(preset, case, angle, sign) for case in CASES) >= least
 
 
-def test_wearer_of_the_preset_sits_down_on_a_chair_that_is_put_there():
+def test_wearer_of_the_preset_sits_down_on_an_added_chair():
     run = simulate(load_experiment("stand_to_sit").experiment)
     log, end = run.log, run.log.iloc[-1]
     weight = run.experiment.build_world().body_weight
@@ -212,9 +214,9 @@ def test_a_day_goes_from_the_chair_over_ten_metres_to_the_chair():
     weight = run.experiment.build_world().body_weight
     assert run.reason == "" and run.trip is None
     assert not any(answer.rejection for answer in run.request_results)
-    told = [modes[int(mode)] for mode in log["mode"][log["mode"].diff() != 0.0]]
-    steps = [mode for mode in told if mode in ("walk_automatic", "automatic_step")]
-    assert told == ["sitting", "sit_up", "standing", *steps, "stopping", "standing", "sit_down", "sitting"]
+    visited = [modes[int(mode)] for mode in log["mode"][log["mode"].diff() != 0.0]]
+    steps = [mode for mode in visited if mode in ("walk_automatic", "automatic_step")]
+    assert visited == ["sitting", "sit_up", "standing", *steps, "stopping", "standing", "sit_down", "sitting"]
     assert len(steps) > 30
     assert np.ptp(log["pelvis_forward_m"]) > 10.0
     assert log["seat_force_N"].iloc[0] > 0.5 * weight and log["seat_force_N"].iloc[-1] > 0.5 * weight

@@ -89,7 +89,7 @@ def test_functions_of_the_user_are_neither_kept_nor_recorded(
         (WALK.replace("run_ticks_at", "in lanes"), "first use on this machine"),
     ],
 )
-def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> None:
+def test_the_nearest_cached_loop_decides_the_listed_changes(text: str, expected: str) -> None:
     walk = parse_variant(WALK)
     stairs = {**walk.flags, "N_LEGS": "3", "WITH_SLOPE": "True", "WEARER_OFFSET": "9"}
     records = [
@@ -100,7 +100,7 @@ def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> 
     assert f"({expected})" in compile_text(parse_variant(text), "now", records, has_user_code=False)
 
 
-def test_an_absent_feature_and_other_sources_are_named() -> None:
+def test_disabled_features_and_changed_sources_are_named() -> None:
     braces = Compilation("run_ticks_at", parse_variant(BRACES).flags, "now", 8.0)
     assert "no braces, no modes; about 8 s" in compile_text(
         parse_variant(WALK), "now", [braces], has_user_code=False
@@ -115,6 +115,6 @@ def test_an_absent_feature_and_other_sources_are_named() -> None:
      b'{"kind": "a", "flags": {}, "sources": "", "seconds": NaN}',
      b'{"kind": "a", "flags": [], "sources": "", "seconds": 1}'],
 )  # fmt: skip
-def test_a_file_that_is_no_record_counts_for_nothing(content: bytes | None) -> None:
+def test_an_invalid_cache_file_is_ignored(content: bytes | None) -> None:
     whole = Compilation("a", {}, "", 1.0)
     assert read_records([content, whole.to_json().encode()]) == [whole]

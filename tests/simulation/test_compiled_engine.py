@@ -114,8 +114,12 @@ def test_results_of_a_kernel_are_named_by_joint_and_quantity_in_commented_blocks
             for name in stored:
                 assert len(name) <= 31 and name.isascii() and not re.fullmatch(r"[a-z]\d+(_\d+)?", name)
     dynamics = text[text.index("def dynamics(") : text.index("def contact_forces(")]
-    for said in ("'Forward pass, velocity: left_knee.'", "'Contact: ", "'Row of the mass matrix: left_hip.'"):
-        assert said in dynamics
+    for comment in (
+        "'Forward pass, velocity: left_knee.'",
+        "'Contact: ",
+        "'Row of the mass matrix: left_hip.'",
+    ):
+        assert comment in dynamics
     assert re.search(r"\bsine_left_knee = |\bsine_left_knee, ", dynamics)
 
 
@@ -338,7 +342,7 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     assert abs(after) < abs(before)
 
 
-def test_an_edit_of_any_source_is_another_key(tmp_path, monkeypatch):
+def test_an_edit_of_any_source_changes_the_key(tmp_path, monkeypatch):
     monkeypatch.setattr(code_cache, "__file__", str(tmp_path / "simulation" / "code_cache.py"))
     package = Path(twin_gait.__file__).parent
     keys = set()
@@ -450,9 +454,9 @@ def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypa
     problem = build_setup(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
     monkeypatch.setattr(code_cache, "_loops", {})
-    told = []
-    CompiledEngine(problem, on_compile=lambda: told.append(1))
-    assert not told
+    compilations = []
+    CompiledEngine(problem, on_compile=lambda: compilations.append(1))
+    assert not compilations
 
 
 # Functions of the C library under their names there.

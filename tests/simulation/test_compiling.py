@@ -1,4 +1,4 @@
-"""The three internals of numba that compiled loops lean on, and how a loop is compiled.
+"""Tests of the three internals of numba that compiled loops depend on, and of the compilation of a loop.
 
 Seen in numba 0.61.2, 0.63.1 and 0.68.1. Where a newer release fails here, look at
 :mod:`twin_gait.simulation.compiling` before anything else.
@@ -37,10 +37,10 @@ from twin_gait.simulation.record import dtype_of
 
 INSTALLED = tuple(map(int, numba.__version__.split(".")[:2]))
 WIDE, COUNT = False, 0
-MISSING = (TypingError, KeyError)  # what numba says of a field that a record does not have
+MISSING = (TypingError, KeyError)  # errors of numba for a field that a record does not have
 
 
-def test_the_installed_numba_is_one_that_was_looked_at() -> None:
+def test_the_installed_numba_is_a_reviewed_version() -> None:
     stated = re.search(r"checked with numba (\d+)\.(\d+) to (\d+)\.(\d+)", compiling.__doc__ or "")
     assert stated
     low, high = (tuple(map(int, stated.group(first, first + 1))) for first in (1, 3))
@@ -57,8 +57,8 @@ def flagged(record: Any) -> float:
 def counted(record: Any) -> float:
     total = record.narrow
     if COUNT > 0:
-        for place in range(COUNT):
-            total += record.many[place]
+        for index in range(COUNT):
+            total += record.many[index]
     return total
 
 
@@ -79,40 +79,40 @@ NARROW = np.dtype([("narrow", "f8")], align=True)
 SIGNATURE = (numba.from_dtype(NARROW),)
 
 
-@pytest.mark.parametrize("room", BRANCHES)
-def test_a_branch_that_a_constant_rules_out_may_name_a_field_that_is_not_there(room: Any) -> None:
-    bound = specialize(room, {"WIDE": False, "COUNT": 0}, jit)
+@pytest.mark.parametrize("law", BRANCHES)
+def test_a_branch_disabled_by_a_build_flag_may_access_a_missing_field(law: Any) -> None:
+    bound = specialize(law, {"WIDE": False, "COUNT": 0}, jit)
     bound.compile(SIGNATURE)
     assert bound.overloads[SIGNATURE].signature.return_type == types.float64
 
 
-@pytest.mark.parametrize("room", BRANCHES)
-def test_a_branch_that_is_taken_has_to_have_its_fields(room: Any) -> None:
-    bound = specialize(room, {"WIDE": True, "COUNT": 2}, jit)
+@pytest.mark.parametrize("law", BRANCHES)
+def test_a_branch_that_is_taken_needs_its_fields(law: Any) -> None:
+    bound = specialize(law, {"WIDE": True, "COUNT": 2}, jit)
     with pytest.raises(MISSING) as caught:
         bound.compile(SIGNATURE)
     assert states(str(caught.value), "wide") or states(str(caught.value), "many")
 
 
 class WithoutPruning(PruningPipeline):
-    """What the pruning pipeline would be without the pass that it adds."""
+    """Pruning pipeline without the pass that it adds."""
 
     def define_pipelines(self) -> list[Any]:
         self.state.flags.no_rewrites = True
         return [DefaultPassBuilder.define_nopython_pipeline(self.state, "plain")]
 
 
-@pytest.mark.parametrize("room", [flagged, counted])
-def test_numba_without_its_rewrites_would_type_the_dead_branch(room: Any) -> None:
-    """Where this no longer fails, the pipeline of compiling.py is not needed any more."""
+@pytest.mark.parametrize("law", [flagged, counted])
+def test_numba_without_its_rewrites_would_type_the_dead_branch(law: Any) -> None:
+    """If this no longer fails, the pipeline of compiling.py is not needed any more."""
     options = {**compiling._OPTIONS, "pipeline_class": WithoutPruning}
-    bound = specialize(room, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
+    bound = specialize(law, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
     with pytest.raises(MISSING) as caught:
         bound.compile(SIGNATURE)
     assert states(str(caught.value), "wide") or states(str(caught.value), "many")
 
 
-def test_what_a_dead_branch_calls_is_not_compiled() -> None:
+def test_calls_in_a_dead_branch_are_not_compiled() -> None:
     made: dict[str, Any] = {}
 
     def keep(function: Any) -> Any:
@@ -133,8 +133,8 @@ def calls_when_wide(record: Any) -> float:
 
 
 def made_for_literals(wrap: Any) -> list[Any]:
-    """What a function is compiled for that is called with three literals and a variable."""
-    callee = wrap(lambda values, place: values[place] + 1.0)
+    """Return the signatures of a function that is called with three literals and a variable."""
+    callee = wrap(lambda values, index: values[index] + 1.0)
 
     @numba.njit  # type: ignore[untyped-decorator]
     def caller(values: Any) -> float:
@@ -145,12 +145,12 @@ def made_for_literals(wrap: Any) -> list[Any]:
     return list(callee.overloads)
 
 
-def test_a_literal_in_a_call_is_not_compiled_anew() -> None:
+def test_a_literal_in_a_call_is_not_compiled_again() -> None:
     assert len(made_for_literals(jit)) == 1
 
 
-def test_numba_alone_would_compile_every_literal_anew() -> None:
-    """Where this no longer holds, the template of compiling.py is not needed any more."""
+def test_numba_alone_would_compile_every_literal_again() -> None:
+    """If this no longer holds, the template of compiling.py is not needed any more."""
     found = made_for_literals(lambda function: numba.njit(**compiling._OPTIONS)(function))
     assert len(found) == 4
     assert {str(kind) for _, kind in found} == {"int64", *(f"Literal[int]({value})" for value in (0, 1, -1))}
@@ -166,7 +166,7 @@ def axpy(x: Any, y: Any, n: int) -> int:
 
 
 def packed_operations(*, quick: bool) -> int:
-    """Vectors in the machine-independent code of a loop that is easily vectorised."""
+    """Count vector operations in the machine-independent code of an easily vectorised loop."""
     signature = (types.float64[::1], types.float64[::1], types.intp)
     made = jit(axpy, inline=False)
     if quick:
@@ -217,7 +217,7 @@ def summed(first: int, end: int) -> int:
     return first + end
 
 
-def test_the_next_loop_of_a_process_compiles_only_what_is_different_in_it(
+def test_the_next_loop_of_a_process_compiles_only_changed_functions(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compiled: list[str] = []
@@ -254,7 +254,7 @@ def wrong(address: int, first: int, end: int) -> int:
     return address.missing  # type: ignore[attr-defined,no-any-return]
 
 
-def test_settings_are_put_back_after_an_error_too() -> None:
+def test_settings_are_restored_after_an_error() -> None:
     before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
     with pytest.raises(TypingError):
         compile_loop(wrong, {})
@@ -306,8 +306,8 @@ def walk(state: Any, first: int, end: int) -> int:
 
 
 # Only functions of this package are bound.
-for _room in (*BRANCHES, calls_when_wide, walk, scaled, summed):
-    _room.__module__ = "twin_gait.rooms_of_a_test"
+for _law in (*BRANCHES, calls_when_wide, walk, scaled, summed):
+    _law.__module__ = "twin_gait.module_of_a_test"
 
 
 # ------------------------------------------------------------------ controllers
@@ -315,12 +315,12 @@ for _room in (*BRANCHES, calls_when_wide, walk, scaled, summed):
 
 @dataclass(slots=True)
 class Device:
-    """What a controller is handed, as far as it matters here."""
+    """Arguments of a controller that matter here."""
 
     memory: object
 
 
-def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
+def test_a_controller_that_numba_cannot_compile_is_rejected_for_the_loop() -> None:
     def tick(memory, device, tick, period):  # type: ignore[no-untyped-def]
         return np.fft.nothing(period)
 

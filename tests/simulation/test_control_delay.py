@@ -1,4 +1,4 @@
-"""Commands that come late: by whole ticks, exactly; and what that costs.
+"""Tests of delayed commands: exactly by whole ticks, and their effect on stability.
 
 Plain, in lanes and over another kernel they are among the cases of test_compiled_engine.py and test_lanes.py.
 """
@@ -27,26 +27,26 @@ def bench_leg(*settings: str) -> Experiment:
 
 
 def assert_late(late: Experiment, log, ticks: int) -> None:
-    """The drives are asked in a tick for what the controller wanted some ticks before, bit for bit."""
+    """Check that the drives receive the command of the controller with a delay of some ticks, bit for bit."""
     limits = late.control.limits
     for joint in JOINTS:
         motor = from_attributes(Motor, late.plant.actuators[joint])
         wanted = log[f"right_{joint}_motor_command_torque_Nm"].tolist()
-        asked = [target_current(motor, torque, limits.torque, limits.current) for torque in wanted]
+        requested = [target_current(motor, torque, limits.torque, limits.current) for torque in wanted]
         given = log[f"right_{joint}_target_current_A"].tolist()
         assert given[:ticks] == [0.0] * ticks
-        assert given[ticks:] == asked[: len(asked) - ticks]
+        assert given[ticks:] == requested[: len(requested) - ticks]
         assert len(set(given)) > 0.5 * len(given)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 3, 10])
-def test_the_drives_are_asked_for_what_was_wanted_so_many_ticks_before(ticks):
+def test_drives_receive_the_command_of_the_configured_number_of_ticks_before(ticks):
     late = bench_leg(f"control.delay_ms={ticks}", "duration_s=0.5", "engine=pinocchio")
     assert_late(late, simulate(late).log, ticks)
 
 
 @pytest.mark.slow
-def test_a_hold_comes_as_late_as_a_walk():
+def test_a_hold_has_the_same_delay_as_a_walk():
     settings = ("duration_s=0.6", "control.delay_ms=7", "faults=['encoder_missing:right_knee@0.2s']")
     late = bench_leg(*settings)
     run = simulate(late)
@@ -54,7 +54,7 @@ def test_a_hold_comes_as_late_as_a_walk():
     assert_late(late, run.log, 7)
 
 
-def test_delay_costs_a_swinging_leg_stability_as_the_matrix_of_its_loop_says():
+def test_delay_destabilises_a_swinging_leg_as_the_transition_matrix_predicts():
     """With every millisecond the slowest oscillation decays less, and in the end the loop is unstable."""
     late = [
         bench_leg(f"control.delay_ms={ticks}", "table.phases.early_stance.knee.damping_ratio=1")
@@ -77,7 +77,7 @@ def radius(loop) -> float:
         ("delay_ms=0.9999", ("control", "delay", "0.001 s", "0.01 s", "0.0009999")),
     ],
 )
-def test_a_delay_of_no_whole_ticks_or_of_too_many_is_refused_in_one_line(setting, facts):
+def test_a_delay_of_fractional_or_too_many_ticks_is_refused_in_one_line(setting, facts):
     with raises(ParameterFileError, *facts) as caught:
         load_experiment("bench_leg", [f"control.{setting}"])
     assert len(str(caught.value).splitlines()) == 1

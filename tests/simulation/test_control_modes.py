@@ -46,9 +46,9 @@ def experiment(*settings: str) -> Experiment:
     return load_experiment("treadmill", [WEARER, *settings]).experiment
 
 
-def reference_path(asked: Experiment) -> Walk:
+def reference_path(config: Experiment) -> Walk:
     """The walk that is followed, or against which the tracking error is measured."""
-    problem = build_setup(asked)
+    problem = build_setup(config)
     path = problem.controller.reference_path(problem.plan)
     return replace(path, angles=np.array(path.angles))
 
@@ -77,8 +77,8 @@ def test_keys_become_parameters_in_si():
 
 @pytest.mark.parametrize("mode", MODES)
 def test_experiment_survives_its_own_document(mode):
-    asked = experiment(*MODES[mode])
-    assert experiment_from_mapping(experiment_document(asked), "document", Path()) == asked
+    config = experiment(*MODES[mode])
+    assert experiment_from_mapping(experiment_document(config), "document", Path()) == config
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_stiffness_in_two_units_is_refused():
 # ---------------------------------------------------------------- rows
 
 
-def test_rows_of_the_modes_against_those_of_the_table():
+def test_phase_rows_of_the_modes_differ_from_the_table_as_documented():
     rows = {mode: build_setup(experiment(*settings)).phase_rows for mode, settings in MODES.items()}
     table, last = rows["table"], rows["table"].shape[2] - 1
     columns = [COLUMNS_PER_JOINT * joint for joint in range(2)]
@@ -161,15 +161,15 @@ def test_followed_path_closes_and_stays_between_its_ends():
 
 
 def test_motor_can_accelerate_its_rotor_along_the_followed_knee_and_not_along_the_healthy_one():
-    asked = experiment("control.mode=position")
-    available = asked.control.limits.torque / KNEE_ACTUATOR.armature
-    followed = reference_path(asked)
+    config = experiment("control.mode=position")
+    available = config.control.limits.torque / KNEE_ACTUATOR.armature
+    followed = reference_path(config)
     healthy = reference_path(experiment())
     assert accelerations(followed.angles, followed.cycle_ticks)[1] < 0.8 * available
     assert accelerations(healthy.angles, healthy.cycle_ticks)[1] > 2.0 * available
 
 
-def test_tracking_is_judged_by_the_healthy_walk():
+def test_tracking_is_compared_with_the_healthy_walk():
     path = reference_path(experiment())
     percent = np.linspace(0.0, 100.0, 101)
     for number, joint in enumerate((JointName.HIP, JointName.KNEE)):
@@ -188,13 +188,13 @@ def test_legs_begin_on_the_path(leading):
         assert problem.world.start_q[joint.coordinate] == pytest.approx(angles[percent, number], abs=1e-12)
 
 
-def test_other_modes_begin_where_the_scenario_says():
-    asked = experiment()
-    problem = build_setup(asked)
+def test_other_modes_begin_in_the_posture_of_the_scenario():
+    config = experiment()
+    problem = build_setup(config)
     begin = {joint.coordinate: problem.world.start_q[joint.coordinate] for joint in problem.joints}
     assert set(begin.values()) == {
-        *asked.scenario.leading_angles.values(),
-        *asked.scenario.trailing_angles.values(),
+        *config.scenario.leading_angles.values(),
+        *config.scenario.trailing_angles.values(),
     }
 
 
@@ -205,9 +205,9 @@ def test_position_tracking_walks_a_minute():
 
     With the ankle orthosis for which the path was chosen; with that of the preset the walk ends in a trip.
     """
-    asked = load_experiment("treadmill", ["control.mode=position", "duration_s=60", STIFF_ANKLE]).experiment
-    assert asked.control.safety.enabled
-    run = simulate(asked)
+    config = load_experiment("treadmill", ["control.mode=position", "duration_s=60", STIFF_ANKLE]).experiment
+    assert config.control.safety.enabled
+    run = simulate(config)
     assert run.status is RunStatus.COMPLETED and run.trip is None and run.verdict.outcome is Outcome.WALKED
     late = run.log.iloc[5000:]
     for side in SIDES:
@@ -217,9 +217,9 @@ def test_position_tracking_walks_a_minute():
 
 
 def test_equilibrium_in_the_log_is_the_path_at_the_instant():
-    asked = experiment("control.mode=position", "duration_s=0.5", "engine=pinocchio")
-    path = reference_path(asked)
-    log = simulate(asked).log
+    config = experiment("control.mode=position", "duration_s=0.5", "engine=pinocchio")
+    path = reference_path(config)
+    log = simulate(config).log
     share = np.arange(101) / 100.0
     for side, start in zip(SIDES, path.starts, strict=True):
         progress = (start + np.arange(len(log)) / path.cycle_ticks) % 1.0
@@ -231,7 +231,7 @@ def test_equilibrium_in_the_log_is_the_path_at_the_instant():
 # ---------------------------------------------------------------- help
 
 
-def test_help_is_forgotten_and_comes_back_by_hand():
+def test_assistance_decays_and_returns_as_computed_by_hand():
     law = AssistanceParameters(forgetting_factor=0.9, gain=0.5, error_deadband=0.1, min_assistance=0.2)
     assert adapted_assistance(law, 1.0, 0.05) == pytest.approx(0.9)
     assert adapted_assistance(law, 0.5, 0.3) == pytest.approx(0.45 + 0.5 * 0.2)
@@ -252,14 +252,14 @@ def test_constant_error_leads_to_the_fixed_point_of_the_law():
 @pytest.mark.parametrize(
     ("progress", "sample", "share"), [(0.0, 0, 0.0), (0.255, 25, 0.5), (1.255, 25, 0.5), (0.999, 99, 0.9)]
 )
-def test_place_in_a_cycle_that_repeats(progress, sample, share):
+def test_phase_in_a_repeating_cycle(progress, sample, share):
     before, after = find_cycle_interval(progress, 101)
     assert before == sample and after == pytest.approx(share, abs=1e-9)
 
 
-def test_a_share_of_the_springs_is_what_is_left_of_those_of_the_table():
-    asked = experiment(*MODES["twincare"], "duration_s=0.01", "engine=pinocchio")
-    log = simulate(asked).log
+def test_spring_share_scales_the_springs_of_the_table():
+    config = experiment(*MODES["twincare"], "duration_s=0.01", "engine=pinocchio")
+    log = simulate(config).log
     row = build_setup(experiment()).phase_rows[0, log["left_phase"].cat.codes.iloc[0]]
     for number, (joint, share) in enumerate((("hip", 0.7), ("knee", 0.9))):
         full = row[COLUMNS_PER_JOINT * number + STIFFNESS]
@@ -267,12 +267,12 @@ def test_a_share_of_the_springs_is_what_is_left_of_those_of_the_table():
 
 
 @pytest.mark.slow
-def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
+def test_assistance_of_a_walk_follows_from_the_errors_in_its_log():
     """By brute force from the log: errors of every stride, the law, and the stiffness that came of it."""
-    asked = experiment("control.assistance.adaptive=true", "duration_s=10")
-    run = simulate(asked)
+    config = experiment("control.assistance.adaptive=true", "duration_s=10")
+    run = simulate(config)
     assert run.status is RunStatus.COMPLETED
-    settings, path = asked.control.assistance, reference_path(asked)
+    settings, path = config.control.assistance, reference_path(config)
     codes = np.asarray(run.log["left_phase"].cat.codes)
     entries = [tick for tick in range(1, len(codes)) if codes[tick] == 0 and codes[tick - 1] != 0]
     assert len(entries) >= 4
@@ -314,11 +314,13 @@ def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
 )
 def test_engines_agree_on_every_mode(mode):
     """0.3 s in all columns; Runge-Kutta, as the walks of the other tests, so that one compilation serves."""
-    asked = replace(
+    config = replace(
         experiment(*MODES[mode], "duration_s=0.3"),
         integration=Integration(method=IntegrationMethod.RK4, step=0.5e-3),
     )
-    first, second = (simulate(replace(asked, engine=engine)).log.select_dtypes("number") for engine in Engine)
+    first, second = (
+        simulate(replace(config, engine=engine)).log.select_dtypes("number") for engine in Engine
+    )
     assert list(first) == list(second) and len(first) == len(second)
     scale = np.maximum(1.0, np.abs(first.to_numpy()).max(axis=0))
     assert (np.abs(first.to_numpy() - second.to_numpy()) / scale).max() < 1e-9

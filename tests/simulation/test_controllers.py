@@ -52,12 +52,12 @@ class FadingHelp(Controller):
             leg = device.legs[number]
             if leg.phase == 0 and leg.entry_tick == tick > 0:
                 memory.left[number] = max(0.8, 0.9 * memory.left[number])
-            for place in range(per_leg * number, per_leg * (number + 1)):
-                device.joints[place].setpoint.stiffness *= memory.left[number]
+            for index in range(per_leg * number, per_leg * (number + 1)):
+                device.joints[index].setpoint.stiffness *= memory.left[number]
 
 
 @pytest.mark.slow
-def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
+def test_a_controller_of_twenty_lines_has_memory_by_leg_and_reads_phases():
     settings = ["duration_s=4", "engine=pinocchio"]
     run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())
     problem = build_setup(run.experiment)
@@ -87,7 +87,7 @@ class Weaker(Controller):
             joint.setpoint.target = 0.01 * (before + share)
 
 
-def test_a_controller_of_ones_own_acts_in_both_engines():
+def test_an_own_controller_acts_in_both_engines():
     compiled, standard = simulate(bench(), controller=Weaker()), simulate(bench())
     stepping = f"integration={{method: {compiled.experiment.resolved_integration.method}, step_ms: 1}}"
     stepped = simulate(bench("engine=pinocchio", stepping), controller=Weaker())
@@ -99,7 +99,7 @@ def test_a_controller_of_ones_own_acts_in_both_engines():
 
 
 @pytest.mark.slow
-def test_assistance_takes_its_share_of_what_the_controller_asks_for():
+def test_assistance_scales_the_command_of_the_controller():
     run = simulate(bench("control.assistance.knee=0.5"), controller=Weaker())
     full = build_setup(bench()).phase_rows[0, :, [0, 4]]
     first = run.log.iloc[0]
@@ -108,10 +108,10 @@ def test_assistance_takes_its_share_of_what_the_controller_asks_for():
 
 
 def test_a_controller_that_is_compiled_by_its_writer_is_compiled_once():
-    controller, told = controller_with(numba.njit(halve)), []
+    controller, compilations = controller_with(numba.njit(halve)), []
     first, made = simulate(bench(), controller=controller), len(code_cache._loops)
-    second = simulate(bench(), controller=controller, on_compile=lambda: told.append(1))
-    assert len(code_cache._loops) == made and not told
+    second = simulate(bench(), controller=controller, on_compile=lambda: compilations.append(1))
+    assert len(code_cache._loops) == made and not compilations
     assert first.log.equals(second.log)
 
 
@@ -136,14 +136,14 @@ def controller_with(tick_, **more) -> Controller:
     return type("Mine", (Controller,), {"tick": staticmethod(tick_), **more})()
 
 
-def test_a_controller_that_cannot_be_compiled_works_and_says_so():
+def test_a_controller_that_cannot_be_compiled_works_with_a_notice():
     counts = Counts()
     with warns(SlowControllerWarning, "Mine"):
         run = simulate(bench("duration_s=0.1"), controller=controller_with(counts))
     assert run.status == "completed" and counts.calls == 100
 
 
-def test_a_tick_of_bytecode_that_numba_does_not_know_steps_through_python():
+def test_a_tick_with_bytecode_unknown_to_numba_runs_in_python():
     def imports(memory, device, tick, period):
         import math
 
@@ -154,7 +154,7 @@ def test_a_tick_of_bytecode_that_numba_does_not_know_steps_through_python():
     assert run.log["right_hip_target_torque_Nm"].iloc[-1] == pytest.approx(np.sin(0.49))
 
 
-def test_setpoints_alone_cost_no_tick_and_take_the_place_of_the_modes():
+def test_setpoints_alone_cost_no_tick_and_replace_the_modes():
     class Soft(Controller):
         def setpoints(self, plan, side, rows):
             rows[:, 0] = 10.0
@@ -245,8 +245,8 @@ WRONG = {
         controller_with(answers),
         ("tick",),
     ),
-    "a text": (controller_with(text), ("demand.stiffness", "soft")),
-    "a complex number": (controller_with(complex_number), ("demand.target", "1j")),
+    "a text": (controller_with(text), ("setpoint.stiffness", "soft")),
+    "a complex number": (controller_with(complex_number), ("setpoint.target", "1j")),
     "setpoints": (
         controller_with(halve, setpoints=lambda self, plan, side, rows: rows[1:]),
         ("setpoints", "(5, 9)"),
@@ -292,9 +292,9 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_controller_that_is_wrong_is_named_in_one_line(wrong, engine):
     controller, message = WRONG[wrong]
-    with raises(ParameterError, *message) as told:
+    with raises(ParameterError, *message) as caught:
         simulate(bench("duration_s=0.1", f"engine={engine}"), controller=controller)
-    assert "\n" not in str(told.value) and re.match("controller '(Mine|Weaker|halve)': ", str(told.value))
+    assert "\n" not in str(caught.value) and re.match("controller '(Mine|Weaker|halve)': ", str(caught.value))
 
 
 def test_a_float_that_a_called_function_would_cut_is_refused():
@@ -323,7 +323,7 @@ def test_a_controller_that_raises_in_compiled_code_is_named(tick):
 
 
 @pytest.mark.filterwarnings("ignore::twin_gait.simulation.simulator.SlowControllerWarning")
-def test_a_field_that_is_not_there_is_pythons_own_error():
+def test_a_missing_field_raises_the_python_error():
     def misspells(memory, device, tick, period):
         device.joints[0].setpoint.stifness = 1.0
 
@@ -332,7 +332,7 @@ def test_a_field_that_is_not_there_is_pythons_own_error():
 
 
 @pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
-def test_a_controller_that_demands_no_number_trips(engine):
+def test_a_nan_command_of_a_controller_trips(engine):
     def breaks(memory, device, tick, period):
         device.joints[0].setpoint.target = 1e300 * 1e300 * 0.0 if tick >= 100 else 0.0
 
@@ -353,7 +353,7 @@ def test_a_module_of_the_folder_is_a_mode():
     assert isinstance(controller, Position) and controller.path.damping_ratio == 0.3
 
 
-def test_a_mode_whose_tick_is_no_static_method_is_refused_like_a_controller_of_ones_own(monkeypatch):
+def test_a_mode_whose_tick_is_not_static_is_refused_like_an_own_controller(monkeypatch):
     monkeypatch.setattr(Position, "tick", lambda memory, device, tick, period: None)
     with raises(ParameterError, "Position", TAKES):
         build_setup(load_experiment("treadmill", ["control.mode=position"]).experiment)

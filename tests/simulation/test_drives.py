@@ -1,4 +1,4 @@
-"""Walks whose gears, inverters and electronics cost something."""
+"""Tests of walks with losses of gears, inverters and electronics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from twin_gait.simulation.simulator import simulate
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 EFFICIENCY = {"hip": 0.85, "knee": 0.7}
-# Nothing costs anything, whatever the preset says.
+# No losses, for any preset.
 FREE = (
     *(f"plant.actuators.{joint}.gear_efficiency=1" for joint in EFFICIENCY),
     "plant.electronics={inverter_resistance_Ohm: 0, inverter_power_W: 0}",
@@ -48,12 +48,10 @@ def table_friction(joint: str, velocity: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", JOINTS)
-def test_joint_gets_the_efficiency_of_the_motor_and_the_motor_that_of_the_joint(
-    lossy: Run, name: str
-) -> None:
-    """Behind the gear, friction without load taken off: η of what the motor puts in, 1/η where it brakes.
+def test_efficiency_reduces_power_in_both_directions(lossy: Run, name: str) -> None:
+    """Power behind the gear without no-load friction: η times the motor power, or 1/η if the motor brakes.
 
-    What the motor puts into the gear is its torque less what turns the rotor, whose acceleration is a
+    The torque at the gear is the motor torque minus the torque of the rotor, whose acceleration is a
     difference of velocities here.
     """
     joint = name.split("_")[1]
@@ -85,14 +83,14 @@ def test_losses_of_the_gear_change_the_walk_and_cost_energy_that_is_accounted_fo
     assert dear["energy_residual_share"] < 1e-9
 
 
-def test_firmware_does_not_know_of_the_losses(lossy: Run) -> None:
+def test_firmware_does_not_model_the_losses(lossy: Run) -> None:
     """Equation (2.16): the current of the commanded torque, whatever arrives."""
     for name, constant in (("left_hip", 10.9), ("left_knee", 7.05)):
         command = lossy.log[f"{name}_motor_command_torque_Nm"].clip(-60.0, 60.0)
         np.testing.assert_allclose(lossy.log[f"{name}_target_current_A"], command / constant, atol=1e-9)
 
 
-def test_electronics_draw_what_they_are_said_to_and_a_chopper_burns_what_is_left(free: Run) -> None:
+def test_electronics_draw_the_set_power_and_a_chopper_dissipates_the_rest(free: Run) -> None:
     """Power by power from the currents of the log, with a battery that does not sag."""
     stiff = "plant.battery.internal_resistance_Ohm=0"
     run = walk(
@@ -116,11 +114,11 @@ def test_electronics_draw_what_they_are_said_to_and_a_chopper_burns_what_is_left
     assert everything.log["battery_power_W"].min() < 0.0
 
 
-def test_summary_says_how_long_the_battery_lasts(free: Run) -> None:
+def test_summary_has_the_battery_life(free: Run) -> None:
     summary = summarise_run(free)
     assert summary["battery_capacity_Wh"] == pytest.approx(92.2)
     assert summary["battery_life_h"] == pytest.approx(92.2 / summary["battery_power_mean_W"])
     assert summary["battery_life_stated_h"] == 4.0
     power, life = summary["battery_power_mean_W"], summary["battery_life_h"]
-    assert f"  battery: {power:.1f} W, 92 Wh last {life:.1f} h (stated: 4 h)" in report(summary)
+    assert f"  battery: {power:.1f} W, with which 92 Wh last {life:.1f} h (thesis: 4 h)" in report(summary)
     assert "battery: " not in "".join(report({**summary, "battery_life_h": None}))  # motors that feed it

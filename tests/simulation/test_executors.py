@@ -108,7 +108,7 @@ def test_steps_run_in_their_order_over_their_parts():
         ({"FAST": True, "COUNT": 1}, 6, ["second", "second"]),
     ],
 )
-def test_build_flags_are_bound_and_shared_fields_read(flags, tick, more):
+def test_build_flags_are_specialized_and_shared_fields_are_read(flags, tick, more):
     e, driver = episode(0), scalar_driver("run", ALL, NAMES, module="twin_gait.driver_of_a_test")
     specialize(driver, flags)(e, tick)
     assert e.trace == [f"first {tick}", "turn 0", "turn 1", *more, *EXPECTED[3:]]
@@ -139,7 +139,7 @@ def test_in_lanes_every_episode_runs_its_own_steps_and_some_run_for_all():
     assert together[0].trace == [*EXPECTED[:4], "second", *EXPECTED[4:]]
 
 
-def test_rare_steps_and_some_steps_run_for_nobody_if_no_test_holds():
+def test_conditional_steps_run_for_no_lane_if_no_test_holds():
     together = [episode(0), episode(2)]
     in_plain_python(lane_driver("run", ALL, NAMES))(Several(*together), 4)
     assert [e.trace for e in together] == [EXPECTED, EXPECTED]
@@ -196,7 +196,7 @@ other_note.__name__ = "note"
     ],
 )
 @pytest.mark.parametrize("made", [scalar_driver, lane_driver])
-def test_what_is_not_declared_is_refused_when_the_schedule_is_built(made, steps, message):
+def test_undeclared_names_are_refused_when_the_schedule_is_built(made, steps, message):
     with raises(ValueError, *message):
         made("run", steps, NAMES)
 

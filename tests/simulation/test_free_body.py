@@ -1,4 +1,4 @@
-"""A trunk that is free to lean, by what does not ask its own dynamics: the guided walk, energy, a fall."""
+"""Tests of a free trunk by independent references: the guided walk, energy, a fall."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def problem_of(*changes: str) -> SimulationSetup:
 
 
 class Recorded(NamedTuple):
-    """A state of the guided walk, and what acted in it."""
+    """State of the guided walk with forces and accelerations."""
 
     q: list[float]
     v: list[float]
@@ -61,7 +61,7 @@ class Recorded(NamedTuple):
 
 
 def recorded(guide: str, ticks: int) -> tuple[list[Recorded], np.ndarray, list[int]]:
-    """A walk on the treadmill by Pinocchio's dynamics.
+    """Record a walk on the treadmill with the dynamics of Pinocchio.
 
     Returns:
         The state in which every row of the log was written; force and moment of the guide there, shape
@@ -84,22 +84,22 @@ def recorded(guide: str, ticks: int) -> tuple[list[Recorded], np.ndarray, list[i
 
     engine = ReferenceEngine(guided, kernel={**functions, "dynamics": dynamics, "observe": observe})
     log = engine.run().log
-    places = [state_columns(item.world.model)[0] for item in (guided, problem_of(NO_CRUTCHES))]
+    columns = [state_columns(item.world.model)[0] for item in (guided, problem_of(NO_CRUTCHES))]
     taken = log[["guide_force_N", "guide_moment_Nm"]].to_numpy()
-    return seen, taken, [places[1].index(name) for name in places[0]]
+    return seen, taken, [columns[1].index(name) for name in columns[0]]
 
 
 @pytest.mark.parametrize("guide", ["vertical", "harness"])
-def test_under_the_recorded_force_of_the_guide_a_free_trunk_is_the_guided_one(guide):
-    """Acceleration by acceleration, the free one by the generated kernel; and over the steps of a tick."""
-    seen, taken, places = recorded(guide, 400)
+def test_a_free_trunk_under_the_recorded_guide_force_equals_the_guided_one(guide):
+    """Compare accelerations and the steps of a tick; the free trunk uses the generated kernel."""
+    seen, taken, columns = recorded(guide, 400)
     problem = problem_of(NO_CRUTCHES)
     model, (kernel, episode, _) = problem.world.model, assemble(problem)
     dynamics, points = kernel_names(kernel)["dynamics"], [ContactState() for _ in kernel.points]
 
     def spread(values: list[float]) -> np.ndarray:
         whole = np.zeros(model.nv)
-        whole[places] = values
+        whole[columns] = values
         return whole
 
     for state, (force, moment) in zip(seen, taken, strict=True):
@@ -114,15 +114,15 @@ def test_under_the_recorded_force_of_the_guide_a_free_trunk_is_the_guided_one(gu
 
 
 def test_integrated_under_that_force_it_stays_with_the_guided_one():
-    """Each by its own states, in half a second of 0.1 ms; the guide's force is of the guided one's."""
+    """Integrate both for half a second in steps of 0.1 ms, with the guide force of the guided walk."""
     guided, model = (
         load_experiment("treadmill").experiment.build_world().model,
         problem_of(NO_CRUTCHES).world.model,
     )
     q, whole = np.zeros(guided.nv), np.zeros(model.nv)
-    places = [state_columns(model)[0].index(name) for name in state_columns(guided)[0]]
+    columns = [state_columns(model)[0].index(name) for name in state_columns(guided)[0]]
     q[:] = np.linspace(-0.2, 0.6, guided.nv)
-    whole[places] = q
+    whole[columns] = q
     v, whole_v = np.zeros(guided.nv), np.zeros(model.nv)
     for step in range(5000):
         torque = 8.0 * np.sin(0.002 * step + np.arange(guided.nv)) - 4.0 * v
@@ -130,14 +130,14 @@ def test_integrated_under_that_force_it_stays_with_the_guided_one():
         pin.rnea(guided.model, guided.data, q, v, a)
         wrench = guided.data.f[int(guided.model.getJointId(PELVIS_JOINT))]
         spread = np.zeros(model.nv)
-        spread[places] = torque
+        spread[columns] = torque
         spread[[model.forward_index, model.pitch_index]] = wrench.linear[0], wrench.angular[1]
         whole_v += 1e-4 * pin.aba(model.model, model.data, whole, whole_v, spread)
         whole += 1e-4 * whole_v
         v = v + 1e-4 * a
         q = q + 1e-4 * v
     expected = np.zeros(model.nv)
-    expected[places] = q
+    expected[columns] = q
     assert_allclose(whole, expected, rtol=0.0, atol=1e-9)
     assert np.abs(v).max() > 1.0
 
@@ -154,8 +154,8 @@ def test_energy_closes_with_arms_and_harness():
     assert energy_balance(energy, works)["energy_residual_share"] < 1e-4
 
 
-def test_the_arms_work_is_the_patients_and_the_ropes_is_a_springs():
-    """Powers from the log's forces and places, by differences of the ways: P dℓ + M dφ, and F dz."""
+def test_work_of_the_arms_counts_for_the_patient_and_work_of_the_rope_is_elastic():
+    """Powers from forces and differences of positions in the log: P dℓ + M dφ, and F dz."""
     run = walk("overground", "duration_s=0.9", "scenario.lean_deg=30", *HELD)
     log, world = run.log, run.experiment.build_world()
     pitch = log["trunk_pitch_rad"].to_numpy()
@@ -193,13 +193,13 @@ STIFF = MechanicalStop(0.0, 0.0, 0.0, 0.0)
 
 
 def locked_at(angle: float) -> Plant:
-    """A joint that hardly moves from where it is."""
+    """Return a joint that hardly moves from its position."""
     stiffness = 4e4
     return Plant(stop=STIFF, spring=Spring(stiffness, 200.0, stiffness * angle))
 
 
 def stiff_body(lean: float) -> tuple[SimulationSetup, Episode, Callable[[Episode, int], None]]:
-    """Straight and stiff above the ankles, which turn freely, leaning over soles that lie on hard ground."""
+    """Return an episode that is straight and stiff above free ankles, leaning over soles on hard ground."""
     problem = problem_of(
         NO_CRUTCHES,
         "integration={method: semi_implicit_euler, step_ms: 0.05}",
@@ -212,21 +212,21 @@ def stiff_body(lean: float) -> tuple[SimulationSetup, Episode, Callable[[Episode
     e.q = [0.0] * model.nv
     e.q[model.pitch_index] = lean
     for side in model.sides:  # soles lie flat
-        place = model.index(side, JointName.ANKLE)
-        e.q[place] = min(lean, -lean, key=lambda angle: _tilt(model, side, e.q, place, angle))
+        index = model.index(side, JointName.ANKLE)
+        e.q[index] = min(lean, -lean, key=lambda angle: _tilt(model, side, e.q, index, angle))
     soles = [name for leg in model.legs.values() for name in leg.contact_frames]
     e.q[model.pelvis_index] = -min(float(model.frame_position(np.array(e.q), name)[2]) for name in soles)
     free = {model.forward_index, model.pelvis_index, model.pitch_index}
     free |= {model.index(side, JointName.ANKLE) for side in model.sides}
-    for place, inertia in enumerate(e.rotors):
-        e.plant[place] = Plant() if place in free else locked_at(e.q[place])
-        e.plant[place].armature = inertia
+    for index, inertia in enumerate(e.rotors):
+        e.plant[index] = Plant() if index in free else locked_at(e.q[index])
+        e.plant[index].armature = inertia
     e.a = [0.0] * model.nv
     return problem, e, specialize(integrate, {**structure, **kernel_names(kernel), "FRICTION_INDICES": ()})
 
 
 def _tilt(model: LegModel, side: Side, q: list[float], ankle: int, angle: float) -> float:
-    """Difference of the heights of heel and toe."""
+    """Return the difference of the heights of heel and toe."""
     turned = np.array(q)
     turned[ankle] = angle
     heel, toe = (model.frame_position(turned, name)[2] for name in model.legs[side].contact_frames)
@@ -234,7 +234,7 @@ def _tilt(model: LegModel, side: Side, q: list[float], ankle: int, angle: float)
 
 
 def above_the_ankles(problem: SimulationSetup, q: list[float]) -> tuple[float, np.ndarray, float]:
-    """Mass, centre of mass from the ankles, forwards and up, and inertia about them, of all but the feet."""
+    """Return mass, centre of mass and inertia about the ankles of all bodies except the feet."""
     model = problem.world.model
     pin.forwardKinematics(model.model, model.data, np.array(q))
     feet = {int(model.model.getJointId(leg.ankle)) for leg in model.legs.values()}
@@ -242,23 +242,23 @@ def above_the_ankles(problem: SimulationSetup, q: list[float]) -> tuple[float, n
     for joint in set(range(1, model.model.njoints)) - feet:
         whole += model.data.oMi[joint].act(model.model.inertias[joint])
     about = whole.lever - np.mean([model.data.oMi[joint].translation for joint in feet], axis=0)
-    place = about[[0, 2]]
-    return float(whole.mass), place, float(whole.inertia[1, 1] + whole.mass * place @ place)
+    centre = about[[0, 2]]
+    return float(whole.mass), centre, float(whole.inertia[1, 1] + whole.mass * centre @ centre)
 
 
 def test_without_arms_a_stiff_body_falls_as_the_pendulum_that_it_is():
     r""":math:`I \ddot\theta = m g l \sin\theta` about the ankles, if feet neither slip nor sink."""
     problem, e, step = stiff_body(0.05)
-    mass, place, inertia = above_the_ankles(problem, e.q)
-    lever, start = float(np.hypot(*place)), float(np.arctan2(*place))
+    mass, centre, inertia = above_the_ankles(problem, e.q)
+    lever, start = float(np.hypot(*centre)), float(np.arctan2(*centre))
     for tick in range(700):
         step(e, tick)
     rate = mass * GRAVITY * lever / inertia
     fall = solve_ivp(lambda _, y: [y[1], rate * math.sin(y[0])], (0.0, 0.7), [start, 0.0], rtol=1e-9)
     end = float(fall.y[0, -1])
-    _, place, _ = above_the_ankles(problem, e.q)
+    _, centre, _ = above_the_ankles(problem, e.q)
     assert end > 4.0 * start
-    assert np.arctan2(*place) == pytest.approx(end, rel=0.02)
+    assert np.arctan2(*centre) == pytest.approx(end, rel=0.02)
     assert rate < 0.95 * GRAVITY / lever  # it is no point mass
 
 
@@ -266,18 +266,18 @@ def test_without_arms_a_stiff_body_falls_as_the_pendulum_that_it_is():
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reason"),
     [
         (("scenario.fall_lean_deg=7",), "the trunk leaned by more than 7 deg at 0.001 s"),
         (
             ("scenario.crutches={slack_m: 0}", "scenario.crutch_ahead={left_m: 0.9, right_m: 0.3}"),
-            "a hand let go of its crutch, more than 1.43 m from the shoulder at 0.001 s",
+            "a hand lost its crutch, more than 1.43 m from the shoulder at 0.001 s",
         ),
     ],
 )
-def test_who_leans_too_far_or_cannot_reach_the_crutch_has_fallen(changes, told):
+def test_leaning_too_far_or_an_unreachable_crutch_is_a_fall(changes, reason):
     run = ReferenceEngine(problem_of(EULER, "duration_s=0.01", *changes)).run()
-    assert (run.status, run.reason, len(run.log)) == ("fell", told, 1)
+    assert (run.status, run.reason, len(run.log)) == ("fell", reason, 1)
 
 
 def test_at_a_trip_the_rope_locks_where_the_trunk_is():
@@ -289,19 +289,19 @@ def test_at_a_trip_the_rope_locks_where_the_trunk_is():
     log = {name: run.log[name].to_numpy() for name in run.log}
     assert run.trip is not None
     above, tick = 0.25 * 1.75, run.trip.tick
-    place = log["pelvis_height_m"] + above * np.cos(log["trunk_pitch_rad"])
+    height = log["pelvis_height_m"] + above * np.cos(log["trunk_pitch_rad"])
     speed = log["trunk_pitch_velocity_rad_per_s"] * -above * np.sin(log["trunk_pitch_rad"])
     speed += log["pelvis_velocity_m_per_s"]
-    below = np.maximum(place[tick] - place, 0.0) * (np.arange(len(place)) >= tick)
+    below = np.maximum(height[tick] - height, 0.0) * (np.arange(len(height)) >= tick)
     pull = 0.1 * engine.setup.world.body_weight + 2e4 * below * np.maximum(1.0 - speed, 0.0)
     assert_allclose(log["support_force_N"], pull, rtol=1e-9)
     assert below.max() > 0.005
 
 
-# ------------------------------------------------------------------ what is said of it
+# ------------------------------------------------------------------ outcome and messages
 
 
-def test_hands_may_hold_nothing():
+def test_crutches_may_be_absent():
     world = problem_of(NO_CRUTCHES).world
     assert world.arms == () and len(world.start_q) == world.model.nv
 
@@ -311,8 +311,8 @@ def test_a_free_trunk_has_no_braces():
         load_experiment("overground", ["interface=brace"])
 
 
-def test_who_stands_on_crutches_feels_where_they_are_from_the_start():
-    """A tip that seemed to be at the shoulder until the delay has passed would be lifted at once."""
+def test_positions_of_crutches_are_measured_from_the_start():
+    """A tip measured at the shoulder until the delay has passed would be lifted at once."""
     world = problem_of("scenario.arms={delay_s: 0.3, planted_s: 0}").world
     shoulder = world.trunk.shoulder * math.sin(world.start_q[world.model.pitch_index])
     for arm in world.arms:

@@ -32,16 +32,16 @@ TICKS = 2000
 
 
 def started(high: float, *changes: str) -> tuple[SimulationSetup, Episode, Callable[[Episode, int], None]]:
-    """The motion over Pinocchio's dynamics, without drives; a body high above the floor."""
+    """Return the motion over the dynamics of Pinocchio, without drives; a body high above the floor."""
     settings = ["sensors.ideal=true", "integration={method: semi_implicit_euler, step_ms: 0.25}", *changes]
     problem = build_setup(load_experiment("overground", settings).experiment)
     _, e, structure = assemble(problem)
     e.recording.on = False
     model = problem.world.model
     guides = {model.forward_index, model.pelvis_index, model.pitch_index}
-    for place in range(model.nv):
-        spring = Spring() if place in guides else Spring(STIFFNESS, DAMPING)
-        e.plant[place] = Plant(spring=spring, armature=e.plant[place].armature)
+    for index in range(model.nv):
+        spring = Spring() if index in guides else Spring(STIFFNESS, DAMPING)
+        e.plant[index] = Plant(spring=spring, armature=e.plant[index].armature)
     e.q[model.pelvis_index] += high
     e.v[model.forward_index], e.v[model.pitch_index] = 0.3, 0.5
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
@@ -49,7 +49,7 @@ def started(high: float, *changes: str) -> tuple[SimulationSetup, Episode, Calla
 
 
 class Body:
-    """The same in MuJoCo, stepped by its own Euler method; crutches are bodies on two slides."""
+    """The same body in MuJoCo, stepped by its own Euler method; crutches are bodies on two slides."""
 
     def __init__(self, problem: SimulationSetup, e: Episode) -> None:
         experiment, model = problem.experiment, problem.world.model
@@ -66,9 +66,9 @@ class Body:
         tips = [f"{side}_{axis}" for side in SIDES[: len(e.arms)] for axis in ("x", "z")]
         self.order = [*coordinate_order(self.model, model), *(self.dof(name) for name in tips)]
         self.legs = [
-            place
-            for place in self.order[: model.nv]
-            if self.model.joint(int(self.model.dof_jntid[place])).name not in GUIDES
+            index
+            for index in self.order[: model.nv]
+            if self.model.joint(int(self.model.dof_jntid[index])).name not in GUIDES
         ]
         self.pelvis = int(self.model.jnt_bodyid[self.model.joint(PELVIS_JOINT).id])
         self.data.qpos[self.order], self.data.qvel[self.order] = e.q, e.v
@@ -81,7 +81,7 @@ class Body:
         return np.array(self.data.qpos[self.order])
 
     def on_trunk(self, up: float) -> tuple[np.ndarray, np.ndarray]:
-        """A point of the trunk forwards and upwards in the world, and its Jacobian, shape ``(2, nv)``."""
+        """Return a point of the trunk in the world (forwards, upwards), and its Jacobian ``(2, nv)``."""
         frame = self.data.xmat[self.pelvis].reshape(3, 3)
         point, jacobian = self.data.xpos[self.pelvis] + up * frame[:, 2], np.zeros((3, self.model.nv))
         mujoco.mj_jac(self.model, self.data, jacobian, None, point, self.pelvis)
@@ -136,9 +136,9 @@ def test_a_harness_pulls_upwards_where_it_is_attached():
     lowest = e.trunk.harness.stop.lower
 
     def rope(body: Body) -> np.ndarray:
-        place, jacobian = body.on_trunk(height)
+        point, jacobian = body.on_trunk(height)
         speed = float(jacobian[1] @ body.data.qvel)
-        below = max(lowest - place[1], 0.0)
+        below = max(lowest - point[1], 0.0)
         weight = 9.81 * float(body.model.body_mass[body.model.body_weldid > 0].sum())
         pull = share * weight - damping * speed + 3000.0 * below * max(1.0 - 0.5 * speed, 0.0)
         return np.asarray(pull * jacobian[1])
@@ -163,7 +163,7 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
     contact, rubber = problem.experiment.scenario.contact, problem.experiment.scenario.crutches
     stuck: dict[str, float] = {}
     last: dict[str, float] = {}
-    heard, slid = set(), set()
+    limited, slid = set(), set()
 
     def all_forces(body: Body) -> np.ndarray:
         v, found = body.data.qvel, np.zeros(body.model.nv)
@@ -187,28 +187,28 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
                 grip.transverse_stiffness * grip.length * math.sin(grip.angle - angle)
                 - grip.transverse_damping * length * of_angle @ v
             )
-            heard.add((push > push_limit, push < -pull_limit, abs(moment) > moment_limit))
+            limited.add((push > push_limit, push < -pull_limit, abs(moment) > moment_limit))
             stretched = 2000.0 * max(length - 0.9 * 1.75, 0.0)
             found += (np.clip(push, -pull_limit, push_limit) - stretched) * of_length
             found += np.clip(moment, -moment_limit, moment_limit) * of_angle
             found[tip] += pressed(side, *body.data.qpos[tip], *v[tip])
         return found
 
-    def pressed(side: str, place: float, height: float, along: float, up: float) -> np.ndarray:
-        """Rubber that shears, and slides where it is asked for the forces of a step: that is once."""
+    def pressed(side: str, position: float, height: float, along: float, up: float) -> np.ndarray:
+        """Return the force of rubber that shears and slides, evaluated once per step."""
         normal = contact.stiffness * max(-height, 0.0) ** 1.5 * max(1.0 - 1.5 * contact.dissipation * up, 0.0)
         # What slid in the step before has the normal force of that step.
         reach = contact.friction_coefficient * last.get(side, 0.0) / rubber.tip_stiffness
-        stuck[side] = np.clip(stuck.get(side, place), place - reach, place + reach)
+        stuck[side] = np.clip(stuck.get(side, position), position - reach, position + reach)
         last[side] = normal
-        sheared = rubber.tip_stiffness * (place - stuck[side]) + rubber.tip_damping * along
+        sheared = rubber.tip_stiffness * (position - stuck[side]) + rubber.tip_damping * along
         most = contact.friction_coefficient * normal
         slid.add(abs(sheared) > most > 0.0)
         return np.array([-np.clip(sheared, -most, most), normal])
 
     body = assert_together(problem, e, advance, all_forces)
     assert min(point.height for point in e.points) > 0.0  # no foot has come down
-    for beyond in map(set, zip(*heard, strict=True)):
+    for beyond in map(set, zip(*limited, strict=True)):
         assert True not in beyond or limits[0] < 100.0
         assert beyond == {True, False} or limits[0] > 100.0
     assert slid == {True, False} or limits[0] < 100.0

@@ -44,7 +44,7 @@ def loads_of(e: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("more", [(), (LUGRE,)], ids=["equation-3.1", "lugre"])
-def test_accelerations_are_those_of_pinocchio_under_the_loss_at_these_accelerations(
+def test_accelerations_equal_pinocchio_with_the_gear_loss_at_these_accelerations(
     more: tuple[str, ...], rng: np.random.Generator
 ) -> None:
     """Pinocchio keeps the whole inertia of the rotors, and receives the loss as a torque."""
@@ -69,7 +69,7 @@ def test_accelerations_are_those_of_pinocchio_under_the_loss_at_these_accelerati
     assert changes > 30
 
 
-def test_the_signs_of_the_evaluation_before_make_no_difference(rng: np.random.Generator) -> None:
+def test_signs_of_the_previous_evaluation_have_no_influence(rng: np.random.Generator) -> None:
     problem = problem_of("treadmill")
     e, evaluate = motion_of(problem)
     geared = [i for i, plant in enumerate(e.plant) if plant.friction.law != FRICTIONLESS]

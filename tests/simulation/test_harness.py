@@ -87,7 +87,7 @@ def test_a_soft_harness_lets_the_belt_take_the_walker_along():
     assert soft < firm < -0.005
 
 
-def test_a_wearer_in_braces_pulls_at_the_harness_themselves():
+def test_a_wearer_in_braces_is_attached_to_the_harness():
     log = walk_of(*COUPLED, "duration_s=1").log
     apart = log["pelvis_forward_m"] - log["wearer_pelvis_forward_m"]
     rate = log["pelvis_forward_velocity_m_per_s"] - log["wearer_pelvis_forward_velocity_m_per_s"]
@@ -99,7 +99,7 @@ def test_a_wearer_in_braces_pulls_at_the_harness_themselves():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "facts"),
     [
         ("support.guide=fixed", ("guide", "vertical", "harness", "fixed")),
         ("support.guide=loose", ("guide", "fixed", "vertical", "harness", "free", "loose")),
@@ -107,6 +107,6 @@ def test_a_wearer_in_braces_pulls_at_the_harness_themselves():
         ("support.forward_damping_Ns_per_m=-1", ("forward_damping_Ns_per_m", "-1")),
     ],
 )
-def test_a_harness_that_cannot_be_is_refused(change, told):
-    with raises(TwinGaitError, *told):
+def test_an_impossible_harness_is_refused(change, facts):
+    with raises(TwinGaitError, *facts):
         load_experiment("treadmill", [f"scenario.{change}"])

@@ -142,7 +142,7 @@ def bounce(free: Episode, rk4: bool, step: float, dissipation: float, phase: flo
     # Euler's method counts the work of the ground at the velocity of a step's start: first order.
     [(True, 1e-4, 1e-7, 1e-9), (True, 2.5e-4, 1e-6, 1e-7), (False, 2.5e-4, 5e-6, 0.1)],
 )
-def test_bounce_on_the_ground_is_that_of_the_closed_form(
+def test_bounce_on_the_ground_equals_the_closed_form(
     free: Episode, dissipation: float, rk4: bool, step: float, error: float, residual: float
 ) -> None:
     """Wherever in a step it lands: x (1 + e) = ln((1 + x)/(1 − e x)), and the work is what it lost."""
@@ -231,7 +231,7 @@ def test_substeps_of_a_tick_follow_each_other(free: Episode) -> None:
 
 
 def test_a_force_in_time_and_its_work_are_integrated_with_fourth_order(free: Episode) -> None:
-    """A hand on a spring of 1 N m/rad along cos 2t, whose pull on q the dynamics take back: q̈ = cos 2t.
+    """A hand on a spring of 1 N·m/rad along cos 2t, whose pull on q the dynamics take back: q̈ = cos 2t.
 
     From rest: v = sin(2t)/2, q = (1 − cos 2t)/4; the hand pulls by cos 2t − q, and its work is (v² − q²)/2.
     """

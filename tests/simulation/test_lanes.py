@@ -1,4 +1,4 @@
-"""Blocks of episodes in lockstep: each lane is its episode alone, bit for bit, and every loop is vector code.
+"""Tests of blocks in lockstep: each lane equals its single run bit for bit, and every loop is vector code.
 
 Those that are made of experiments by :func:`simulate_blocks` are in test_together.py.
 """
@@ -41,7 +41,7 @@ BENCH = ("bench_leg", EULER % 1)
 
 @lru_cache(maxsize=2 * WIDTH)
 def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
-    """A problem like no other of its structure: wearer, battery, noise, duration, fall, fault, bound."""
+    """Return a setup with individual wearer, battery, noise, duration, fall, fault and bound."""
     rng = np.random.default_rng(number)
     walking, faulty = preset != "bench_leg", any(item.startswith("faults") for item in settings)
     own = [
@@ -62,8 +62,8 @@ def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
         own.append(f"control.safety.phase_timeout_s={rng.uniform(0.05, 0.4):.3f}")
     if faulty:
         kind = ("encoder_missing", "encoder_drift", "motor_dead", "supply_dip")[number % 4]
-        place = "" if kind == "supply_dip" else f":right_{('hip', 'knee')[number % 2]}"
-        own.append(f"faults=['{kind}{place}@{rng.uniform(0.001, 0.19):.3f}s']")
+        target = "" if kind == "supply_dip" else f":right_{('hip', 'knee')[number % 2]}"
+        own.append(f"faults=['{kind}{target}@{rng.uniform(0.001, 0.19):.3f}s']")
         own.append(f"control.delay_ms={1 + number % 10}")
         own.append(f"sensors.offset.right.hip_deg={rng.uniform(-3.0, 3.0)}")
         if walking:
@@ -72,14 +72,14 @@ def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
 
 
 def unlike(number: int, preset: str, *settings: str, record: bool = True) -> CompiledEngine:
-    """An episode like no other of its structure, in its table and in how it ends, too."""
+    """Return an episode with individual parameters, table and ending."""
     rng = np.random.default_rng(number)
     engine = CompiledEngine(unlike_problem(number, preset, *settings))
     engine.episode["recording"]["on"] = record
     setpoints = engine.episode["controller"]["joints"]["setpoints"]
     for name in ("stiffness", "damping", "equilibrium"):
         setpoints[name] *= 1.0 + 0.05 * rng.uniform(-1.0, 1.0, setpoints[name].shape)
-    if number % 6 == 2:  # asks for what is no number
+    if number % 6 == 2:  # commands NaN
         setpoints["equilibrium"][-1, number % 4] = np.nan
     if number % 6 == 3:  # ends as soon as a joint is quick
         engine.episode["diverged_velocity"] = rng.uniform(0.5, 2.0)
@@ -90,16 +90,16 @@ def unlike(number: int, preset: str, *settings: str, record: bool = True) -> Com
 
 
 def assert_same(ours: Run, theirs: Run, columns: Sequence[int] | None = None) -> None:
-    mine, rows = log_matrix(ours), log_matrix(theirs)
-    rows = rows if columns is None else rows[:, list(columns)]
+    first, second = log_matrix(ours), log_matrix(theirs)
+    second = second if columns is None else second[:, list(columns)]
     assert run_result(ours) == run_result(theirs)
-    assert mine.shape == rows.shape
-    np.testing.assert_array_equal(*(np.ascontiguousarray(item).view(np.int64) for item in (mine, rows)))
+    assert first.shape == second.shape
+    np.testing.assert_array_equal(*(np.ascontiguousarray(item).view(np.int64) for item in (first, second)))
 
 
 @pytest.fixture(scope="module")
 def alone() -> dict[int, Run]:
-    """What each of the unlike episodes of the bench is alone."""
+    """Return the single runs of the different episodes of the bench."""
     return {number: unlike(number, *BENCH).run() for number in range(WIDTH)}
 
 
@@ -115,13 +115,13 @@ ORDERS = {
 
 
 @pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
-def test_a_lane_is_its_episode_alone_whatever_else_is_in_the_block(alone, order):
+def test_a_lane_equals_its_single_run_in_any_block(alone, order):
     results = LaneEngine([unlike(number, *BENCH) for number in order]).run()
     for number, result in zip(order, results, strict=True):
         assert_same(result, alone[number])
 
 
-def test_these_episodes_are_unlike(alone):
+def test_test_episodes_differ(alone):
     results = list(alone.values())
     assert {result.status for result in results} == {RunStatus.COMPLETED, RunStatus.DIVERGED}
     assert len({result.trip.tick for result in results if result.trip is not None}) > 4
@@ -131,7 +131,7 @@ def test_these_episodes_are_unlike(alone):
 
 
 @pytest.mark.parametrize("fewest", [1, MIN_BLOCK_SIZE + 1, WIDTH, WIDTH + 1])
-def test_when_the_rest_of_a_block_goes_on_alone_changes_nothing(alone, fewest, monkeypatch):
+def test_the_time_at_which_remaining_lanes_continue_alone_changes_nothing(alone, fewest, monkeypatch):
     monkeypatch.setattr(lane_engine, "MIN_BLOCK_SIZE", fewest)
     results = LaneEngine([unlike(number, *BENCH) for number in range(WIDTH)]).run()
     for number, result in enumerate(results):
@@ -139,13 +139,13 @@ def test_when_the_rest_of_a_block_goes_on_alone_changes_nothing(alone, fewest, m
 
 
 @pytest.mark.parametrize("columns", [[], [0], [7, 3, 11], list(range(20))], ids=len)
-def test_a_log_of_chosen_columns_has_them_in_the_order_asked_for(alone, columns):
+def test_a_log_of_chosen_columns_has_the_requested_order(alone, columns):
     results = LaneEngine([unlike(number, *BENCH) for number in range(14)]).run(columns)
     for number, result in enumerate(results):
         assert_same(result, alone[number], columns)
 
 
-def test_without_a_log_the_rest_is_the_same(alone):
+def test_without_a_log_the_other_results_are_equal(alone):
     engines = [unlike(number, *BENCH, record=False) for number in range(12)]
     for number, result in enumerate(LaneEngine(engines).run()):
         assert run_result(result) == run_result(alone[number])
@@ -153,7 +153,7 @@ def test_without_a_log_the_rest_is_the_same(alone):
 
 
 def test_every_engine_has_the_last_state_of_its_own_run():
-    """But for what the guards read, which stands still after a trip only where nobody walks any more."""
+    """All fields agree except signals of the guards, which freeze after a trip only if no lane walks."""
     ours, theirs = ([unlike(number, *BENCH) for number in range(16)] for _ in range(2))
     LaneEngine(ours).run()
     for engine, other in zip(ours, theirs, strict=True):
@@ -207,7 +207,7 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
 @pytest.mark.slow
 @pytest.mark.compile
 @pytest.mark.parametrize("name", STRUCTURES)
-def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
+def test_lanes_of_every_build_equal_their_single_runs(name, monkeypatch):
     monkeypatch.setattr(lane_engine, "MIN_BLOCK_SIZE", 2)
     ours, theirs = ([unlike(number, *STRUCTURES[name]) for number in range(18)] for _ in range(2))
     for result, engine in zip(LaneEngine(ours).run(), theirs, strict=True):
@@ -241,25 +241,25 @@ def test_powers_and_a_controller_of_the_users_run_alone(uncompiled):
 
 
 def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:
-    """Name of every number, after that of the record that it stands in, and its place."""
+    """Yield the name of every number, prefixed by its record, and its position."""
     assert dtype.fields is not None
     for name, (kind, offset, *_) in dtype.fields.items():
-        for place in range(first + offset, first + offset + kind.itemsize, kind.base.itemsize):
+        for position in range(first + offset, first + offset + kind.itemsize, kind.base.itemsize):
             if kind.base.fields is None:
-                yield f"{owner}.{name}", place // 8
+                yield f"{owner}.{name}", position // 8
             else:
-                yield from numbers_of(kind.base, name, place)
+                yield from numbers_of(kind.base, name, position)
 
 
-def test_every_shared_field_is_there_and_alike_in_all_who_share_a_block(uncompiled):
+def test_every_shared_field_exists_and_is_equal_in_all_lanes_of_a_block(uncompiled):
     engine = uncompiled("treadmill", [])
     shared, kind, found = shared_words(engine.store.dtype), block_key(engine), set()
     words = engine.store.view(np.int64)
-    for name, place in numbers_of(engine.store.dtype):
-        words[place] ^= 1
-        assert shared[place] == (name in SHARED), name
+    for name, position in numbers_of(engine.store.dtype):
+        words[position] ^= 1
+        assert shared[position] == (name in SHARED), name
         assert (block_key(engine) != kind) == (name in SHARED), name
-        words[place] ^= 1
+        words[position] ^= 1
         found.add(name)
     assert found >= SHARED and block_key(engine) == kind
 
@@ -290,7 +290,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
     assert (engine.trip() is not None) == ("trip" in name)
 
 
-def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_none(uncompiled):
+def test_a_block_stores_numbers_of_all_lanes_contiguously_and_pads_with_copies(uncompiled):
     engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
     block = interleave([engine.store for engine in engines])
     dtype = engines[0].store.dtype
@@ -323,11 +323,11 @@ TOY = np.dtype(
 def episode_at(address: int) -> Any: ...
 def vector_lanes(e: Any) -> Any: ...
 def scalar_lanes(e: Any) -> Any: ...
-def room(e: Any) -> Any: ...
+def entry(e: Any) -> Any: ...
 
 
 def enter_at(address: int, first: int, end: int) -> int:
-    room(episode_at(address))
+    entry(episode_at(address))
     return end
 
 
@@ -411,8 +411,8 @@ def reads_what_is_shared(e: Any) -> Any:
     return e.step * e.joints[1].index * len(e.q)
 
 
-def needs_groups_of_its_own(e: Any) -> Any:
-    """Two loops, of which the second goes to places that LLVM cannot know.
+def needs_separate_groups(e: Any) -> Any:
+    """Run two loops, of which the second uses indices unknown to LLVM.
 
     That its passes share no memory stands in the mark of its accesses alone. Where that is the first loop's,
     one lane's write may be the next one's read.
@@ -421,8 +421,8 @@ def needs_groups_of_its_own(e: Any) -> Any:
         for one in vector_lanes(e):
             one.joints[number].x *= 0.5
         for one in vector_lanes(e):
-            there, here = one.joints[0].index, one.joints[number].index
-            one.q[here] = one.q[there] + e.step * one.joints[number].x
+            first_index, index = one.joints[0].index, one.joints[number].index
+            one.q[index] = one.q[first_index] + e.step * one.joints[number].x
 
 
 def chooses(e: Any) -> Any:
@@ -439,20 +439,20 @@ def chooses(e: Any) -> Any:
 
 
 def stays_scalar(e: Any) -> Any:
-    """How often a lane goes round the inner loop is known to itself only."""
+    """Run an inner loop whose number of turns differs between lanes."""
     for one in vector_lanes(e):
         while one.q[0] > 1.0:
             one.q[0] *= 0.5
 
 
-VECTORS = [needs_groups_of_its_own, chooses]
+VECTORS = [needs_separate_groups, chooses]
 
 for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared, stays_scalar):
-    _function.__module__ = "twin_gait.rooms_of_a_test"  # only functions of this package are bound
+    _function.__module__ = "twin_gait.module_of_a_test"  # only functions of this package are bound
 
 
 def compiled(function: Callable[[Any], Any]) -> Any:
-    """A room in lanes, as numba gives it."""
+    """Return a stage compiled for lanes by numba."""
     names = {**BIT_FUNCTIONS, **lane_names(TOY, 1, 1), "room": function}
     loop = specialize(
         enter_at,
@@ -466,18 +466,18 @@ def compiled(function: Callable[[Any], Any]) -> Any:
 
 
 @pytest.mark.parametrize("function", REFUSED, ids=lambda item: item.__name__)
-def test_a_room_may_not_mix_up_lanes(function):
+def test_a_stage_must_not_mix_lanes(function):
     with pytest.raises((NumbaError, AssertionError)):
         compiled(function)
 
 
-def test_a_room_may_read_what_is_shared():
+def test_a_stage_may_read_shared_fields():
     assert compiled(reads_what_is_shared).signature.return_type == numba.int64
 
 
 @pytest.fixture
 def insisting(monkeypatch):
-    """LLVM says on the standard error of which loop it makes no vectors; nothing is compiled yet."""
+    """LLVM reports scalar loops on the standard error; nothing is compiled yet."""
     plain = simulation_lanes._Marking._mark
 
     def mark(self, header, latches, over):
@@ -490,18 +490,18 @@ def insisting(monkeypatch):
     monkeypatch.setattr(compiling, "_made", {})
 
 
-def test_users_hear_nothing_of_a_loop_that_stays_scalar(capfd):
+def test_users_get_no_warning_about_a_scalar_loop(capfd):
     compiled(stays_scalar)
     assert "loop not vectorized" not in capfd.readouterr().err
 
 
-def test_tests_hear_of_a_loop_that_stays_scalar(insisting, capfd):
+def test_tests_get_a_warning_about_a_scalar_loop(insisting, capfd):
     compiled(stays_scalar)
     assert "loop not vectorized" in capfd.readouterr().err
 
 
 def in_plain_python(function: Callable[[Any], Any], block: np.ndarray) -> np.ndarray:
-    """What a room makes of a block, episode by episode."""
+    """Apply a stage to a block, episode by episode."""
     bound = specialize(function, {"vector_lanes": lambda e: (e,), "scalar_lanes": lambda e: (e,)})
     episodes = np.ascontiguousarray(block.T).view(TOY).reshape(WIDTH).view(np.recarray)
     for episode in episodes:
@@ -514,7 +514,7 @@ VECTOR = re.compile(r"= f(?:add|sub|mul|div) <\d+ x double>")
 
 
 @pytest.mark.parametrize("function", VECTORS, ids=lambda item: item.__name__)
-def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd):
+def test_a_loop_over_lanes_is_vector_code_with_correct_results(function, capfd):
     code = str(compiled(function).library._final_module)
     assert VECTOR.search(code) and capfd.readouterr().err == ""
     # What is done one lane after the other stays scalar.

@@ -29,14 +29,14 @@ LAYOUTS = [
     log_layout(build_setup(load_experiment(preset, given).experiment))
     for preset, given in (*((name, []) for name in presets()), ("treadmill", BRACED))
 ]
-# How the house writes a unit at the end of a name, said a second time.
+# Unit suffixes of names, written independently of the package.
 SUFFIXES = {
     "rad": "rad",
     "rad/s": "rad_per_s",
-    "N m": "Nm",
+    "N·m": "Nm",
     "A": "A",
-    "N m/rad": "Nm_per_rad",
-    "N m s/rad": "Nms_per_rad",
+    "N·m/rad": "Nm_per_rad",
+    "N·m·s/rad": "Nms_per_rad",
     "N": "N",
     "m": "m",
     "m/s": "m_per_s",
@@ -49,7 +49,7 @@ SUFFIXES = {
 KINDS = [kind for kind in vars(log_columns).values() if isinstance(kind, ColumnGroup)]
 
 
-def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_its_name() -> None:
+def test_every_column_of_every_layout_has_a_unit_and_a_meaning_that_match_its_name() -> None:
     for layout in LAYOUTS:
         declared = [
             (thing, own, meaning)
@@ -76,14 +76,14 @@ def test_a_column_is_declared_with_one_unit_and_one_meaning() -> None:
     ]
 
 
-def test_a_name_that_is_no_column_means_nothing() -> None:
+def test_an_unknown_column_has_no_meaning() -> None:
     assert meaning_of("left_hip_colour") == ""
     assert unit_of("left_hip_friction_compensation_gain") == "1"
     assert unit_of("trip_cause") == "code" and unit_of("right_phase") == "name"
     assert unit_of("time_s") == "s"
 
 
-def test_braces_are_a_source_of_work_where_there_are_some() -> None:
+def test_braces_are_a_source_of_work_if_present() -> None:
     for layout in LAYOUTS:
         sources = (*WORK_SOURCES, "brace") if "pelvis_brace_force_N" in layout.names else WORK_SOURCES
         assert work_sources(layout.names) == sources

@@ -1,4 +1,4 @@
-"""Every cause of a trip in the steps of a tick: at which tick, at which bound, and which one is kept."""
+"""Tests of every cause of a trip: tick, bound, and priority."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
 
 
 class Case(NamedTuple):
-    """A bound and what breaks it.
+    """Bound of the monitor and a function that exceeds it.
 
     Attributes:
-        put: Writes an amount where the monitor looks for it.
-        bound: The largest amount, or the least, that is borne.
-        ticks: How long it may be broken.
+        put: Writes a value to the field that the monitor reads.
+        bound: Largest or smallest value without a trip.
+        ticks: Number of ticks for which the bound may be exceeded.
         place: As in the trip.
-        side: Where the amounts are that break it.
+        side: Direction of the values that exceed the bound.
     """
 
     put: Callable[[Episode, float], None]
@@ -46,7 +46,7 @@ class Case(NamedTuple):
     side: float = math.inf
 
     def beyond(self, e: Episode) -> float:
-        """The first amount that breaks the bound."""
+        """Return the first value that exceeds the bound."""
         return math.nextafter(self.bound(e), self.side)
 
 
@@ -80,13 +80,13 @@ def deviation(e: Episode, amount: float) -> None:
 
 
 def command(e: Episode, amount: float) -> None:
-    """The set point demands what is commanded."""
+    """Set a setpoint that agrees with the command."""
     board = watched_joint(e)
     board.monitor.last_command = board.setpoint.target = amount
 
 
 def still_load(e: Episode, amount: float) -> None:
-    """The encoder of the turning hip is in order."""
+    """Freeze the load while the encoder of the moving hip is valid."""
     jump(e, 1e-3)
     e.feet[LEG].load = e.controller.legs[LEG].load = 0.4
     watched_joint(e).monitor.motor_speed = amount
@@ -146,7 +146,7 @@ def treadmill():
 
 @pytest.fixture(scope="module")
 def laid(treadmill):
-    """Episode and structure of the treadmill, standing still with all that is measured in order."""
+    """Return episode and build flags of the treadmill, standing still with valid measurements."""
     _, e, structure = assemble(treadmill)
     for joint in e.joints:
         joint.board.encoder.angle = joint.board.encoder.last_angle = 0.1
@@ -159,7 +159,7 @@ control = scalar_driver("control", device.COMMAND, NAMES)
 
 @pytest.fixture(scope="module")
 def look(laid):
-    """The monitor as plain Python."""
+    """Return the monitor in plain Python."""
     return specialize(watched, laid[1])
 
 
@@ -169,7 +169,7 @@ def e(laid):
 
 
 def broken_for(e: Episode, look: Callable[..., None], case: Case, ticks: int, amount: float) -> None:
-    """Show the monitor an amount for some ticks; what a bound of its own sums up does not grow meanwhile."""
+    """Apply a value for some ticks; quantities that the bound accumulates do not grow meanwhile."""
     first = 100
     for tick in range(first, first + ticks):
         joint = watched_joint(e)
@@ -182,21 +182,21 @@ def kept(e: Episode) -> tuple[int, int, int]:
     return e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part
 
 
-def test_there_is_a_case_of_every_cause_that_the_monitor_can_give():
+def test_cases_cover_every_cause_of_the_monitor():
     names = {name.removesuffix("_TRIP") for name in vars(safety) if name.endswith("_TRIP")}
     elsewhere = {"NO", "OPERATOR", "COMMAND", "PHASE", "BUS"}  # have tests of their own
     assert {name.split()[0] for name in CASES} == names - elsewhere
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_lies_on_the_bound_is_borne_for_any_time(e, look, name):
+def test_a_value_on_the_bound_never_trips(e, look, name):
     case = CASES[name]
     broken_for(e, look, case, 3 * case.ticks(e), case.bound(e))
     assert kept(e) == (-1, NO_TRIP, 0)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_first_number_beyond_the_bound_trips_when_its_time_is_over(e, look, name):
+def test_the_first_value_beyond_the_bound_trips_after_its_time(e, look, name):
     case = CASES[name]
     needed, amount = case.ticks(e), case.beyond(e)
     broken_for(e, look, case, needed - 1, amount)
@@ -211,7 +211,7 @@ def test_the_first_number_beyond_the_bound_trips_when_its_time_is_over(e, look, 
 
 
 @pytest.mark.parametrize("name", ["FROZEN", "TORQUE", "DRIVE", "LOAD", "SUPPLY"])
-def test_a_single_good_tick_gives_the_whole_time_back(e, look, name):
+def test_a_single_tick_within_the_bound_resets_the_time(e, look, name):
     case = CASES[name]
     needed, amount = case.ticks(e), case.beyond(e)
     assert needed > 1
@@ -221,7 +221,7 @@ def test_a_single_good_tick_gives_the_whole_time_back(e, look, name):
     assert e.controller.trip.tick < 0
 
 
-def test_a_foot_in_the_air_or_a_load_that_changes_is_no_frozen_load(e, look):
+def test_an_unloaded_foot_or_a_changing_load_is_not_a_frozen_load(e, look):
     case = CASES["LOAD"]
     for loads in ((0.0, 0.0), (0.4, 0.4 + 1e-12)):
 
@@ -233,7 +233,7 @@ def test_a_foot_in_the_air_or_a_load_that_changes_is_no_frozen_load(e, look):
     assert e.controller.trip.tick < 0
 
 
-def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
+def test_a_phase_times_out_one_tick_after_its_maximum_time(e, look):
     e.limits.phase_ticks = 50
     e.controller.legs[0].entry_tick, e.controller.legs[1].entry_tick = 30, 20
     for tick in range(20, 71):
@@ -243,7 +243,7 @@ def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
     assert kept(e) == (71, safety.PHASE_TRIP, 4 + 1)
 
 
-def test_a_leg_that_was_told_to_stand_does_not_timeout(e, look):
+def test_a_leg_commanded_to_stand_does_not_time_out(e, look):
     e.limits.phase_ticks, e.controller.last_stand_tick = 50, 100
     look(e, 150)
     assert e.controller.trip.tick < 0
@@ -251,22 +251,22 @@ def test_a_leg_that_was_told_to_stand_does_not_timeout(e, look):
     assert kept(e) == (151, safety.PHASE_TRIP, 4 + 0)
 
 
-def test_a_command_that_follows_its_set_point_does_not_deviate(e, look):
-    """Whatever the set point is made of, and whatever is measured."""
+def test_a_command_that_follows_its_setpoint_does_not_deviate(e, look):
+    """This holds for all terms of the setpoint and all measurements."""
     board = watched_joint(e)
-    demand, encoder = board.setpoint, board.encoder
-    demand.stiffness, demand.damping, demand.equilibrium, demand.gain = 200.0, 40.0, -0.2, 0.5
-    demand.gravity, demand.inertia, demand.target = 7.0, -2.0, 5.0
+    setpoint, encoder = board.setpoint, board.encoder
+    setpoint.stiffness, setpoint.damping, setpoint.equilibrium, setpoint.gain = 200.0, 40.0, -0.2, 0.5
+    setpoint.gravity, setpoint.inertia, setpoint.target = 7.0, -2.0, 5.0
     encoder.velocity_fast, board.model_friction = 0.3, 4.0
     board.monitor.last_command = -(200.0 * (0.1 + 0.2) + 40.0 * 0.3) + 0.5 * 4.0 + 7.0 - 2.0 + 5.0
     look(e, 100)
     assert board.monitor.command_deviation == pytest.approx(0.0, abs=1e-12)
-    encoder.last_angle = encoder.angle = 0.1 + 0.05  # a change of the spring's torque by 10 N m
+    encoder.last_angle = encoder.angle = 0.1 + 0.05  # a change of the spring's torque by 10 N·m
     look(e, 101)
     assert board.monitor.command_deviation == pytest.approx(10.0 * board.bounds.command_gain)
 
 
-def test_a_command_beside_its_set_point_trips_when_the_filter_has_followed(e, look):
+def test_a_command_that_deviates_from_its_setpoint_trips_after_the_filter_delay(e, look):
     board = watched_joint(e)
     bound, gain = board.bounds.command_deviation, board.bounds.command_gain
     board.monitor.last_command = -2.0 * bound
@@ -290,7 +290,7 @@ def test_a_held_joint_has_no_set_point_to_deviate_from(e, look):
 
 
 def nearly(e: Episode) -> None:
-    """Everything that may last a while has lasted so long, on every joint and leg, but for one tick."""
+    """Set all time counters of all joints and legs to one tick before their trip."""
     for joint in e.joints:
         joint.board.monitor.frozen_streak = joint.board.bounds.frozen_ticks - 1
         joint.board.monitor.torque_streak = joint.board.bounds.torque_ticks - 1
@@ -301,7 +301,7 @@ def nearly(e: Episode) -> None:
 
 
 @pytest.mark.parametrize("first", ["MISSING", *JOINT_CASES])
-def test_of_several_causes_on_a_joint_the_first_of_the_list_is_kept(e, look, first):
+def test_the_first_listed_of_several_causes_on_a_joint_is_kept(e, look, first):
     nearly(e)
     names = list(JOINT_CASES)
     later = names[names.index(first) + 1 :] if first in names else names
@@ -313,63 +313,63 @@ def test_of_several_causes_on_a_joint_the_first_of_the_list_is_kept(e, look, fir
     assert [joint.board.command.drive_off for joint in e.joints] == [number == JOINT for number in range(4)]
 
 
-def disobey(e: Episode, number: int) -> None:
+def ignore_command(e: Episode, number: int) -> None:
     e.joints[number].board.monitor.current_deviation = -2.0 * e.joints[number].board.bounds.drive_deviation
 
 
 def test_of_several_joints_the_first_is_kept_and_every_broken_drive_cut_off(e, look):
     nearly(e)
-    disobey(e, 1)
-    disobey(e, 3)
+    ignore_command(e, 1)
+    ignore_command(e, 3)
     jump(e, 1.0)
     look(e, 100)
     assert kept(e) == (100, safety.DRIVE_TRIP, 1)
     assert [joint.board.command.drive_off for joint in e.joints] == [False, True, False, True]
 
 
-def stay(e: Episode, leg: int) -> None:
+def exceed_phase_time(e: Episode, leg: int) -> None:
     e.limits.phase_ticks = 50
     e.controller.legs[leg].entry_tick = 100 - 51
     e.controller.legs[1 - leg].entry_tick = 100
 
 
-def stand_still(e: Episode, leg: int) -> None:
+def freeze_load(e: Episode, leg: int) -> None:
     hip = e.joints[2 * leg]
     hip.board.encoder.angle = hip.board.encoder.last_angle + 1e-3
     hip.board.monitor.motor_speed = 2.0 * hip.board.bounds.frozen_speed
     e.feet[leg].load = e.controller.legs[leg].load = 0.4
 
 
-def sag(e: Episode) -> None:
+def lower_bus_voltage(e: Episode) -> None:
     e.supply.bus_voltage = 0.5 * e.controller.supply.least_voltage
 
 
 IN_ORDER = [
-    (lambda e: disobey(e, 3), "DRIVE", 3),
-    (lambda e: stay(e, 1), "PHASE", 4 + 1),
-    (lambda e: stand_still(e, 1), "LOAD", 4 + 1),
-    (sag, "SUPPLY", -1),
+    (lambda e: ignore_command(e, 3), "DRIVE", 3),
+    (lambda e: exceed_phase_time(e, 1), "PHASE", 4 + 1),
+    (lambda e: freeze_load(e, 1), "LOAD", 4 + 1),
+    (lower_bus_voltage, "SUPPLY", -1),
 ]
 
 
 @pytest.mark.parametrize("first", range(len(IN_ORDER)), ids=[name for _, name, _ in IN_ORDER])
-def test_joints_come_before_legs_and_of_a_leg_the_phase_before_the_foot(e, look, first):
+def test_joints_are_checked_before_legs_and_the_phase_before_the_foot(e, look, first):
     nearly(e)
     for put, _, _ in IN_ORDER[first:]:
         put(e)
     look(e, 100)
-    _, name, place = IN_ORDER[first]
-    assert kept(e) == (100, code(name), place)
+    _, name, part = IN_ORDER[first]
+    assert kept(e) == (100, code(name), part)
 
 
-def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(e, look):
+def test_a_later_cause_only_cuts_off_a_broken_drive(e, look):
     nearly(e)
-    sag(e)
+    lower_bus_voltage(e)
     look(e, 100)
     held = [joint.hold_angle for joint in e.controller.joints]
     assert kept(e) == (100, safety.SUPPLY_TRIP, -1) and held == [0.1] * 4
     angle(e, 0.2)
-    disobey(e, 0)
+    ignore_command(e, 0)
     for tick in range(101, 101 + e.joints[0].board.bounds.drive_ticks):
         assert not e.joints[0].board.command.drive_off
         look(e, tick)
@@ -382,77 +382,77 @@ def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(
 
 
 @pytest.fixture(scope="module")
-def ask(laid):
-    """Commands, trips and drives of a tick, joint after joint."""
+def tick_setpoints(laid):
+    """Return the step of commands, trips and drives of a tick, joint by joint."""
     return specialize(control, laid[1])
 
 
 def slacken(e: Episode) -> None:
-    """Nothing but the target makes up a command."""
+    """Set all terms of the command to zero except the target."""
     for joint in e.controller.joints:
         joint.blended.stiffness = joint.blended.damping = joint.blended.gain = joint.target = 0.0
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_command_trips_at_the_first_number_beyond_its_bound(e, ask, sign):
+def test_a_command_trips_at_the_first_value_beyond_its_bound(e, tick_setpoints, sign):
     slacken(e)
     highest = e.joints[JOINT].board.bounds.highest_command
     e.controller.joints[JOINT].target = sign * highest
-    ask(e, 99)
+    tick_setpoints(e, 99)
     assert e.controller.trip.tick < 0 and e.joints[JOINT].board.command.torque == sign * highest
     e.controller.joints[JOINT].target = sign * math.nextafter(highest, math.inf)
-    ask(e, 100)
+    tick_setpoints(e, 100)
     assert kept(e) == (100, safety.COMMAND_TRIP, JOINT)
 
 
-def test_a_command_that_is_no_number_trips_only_where_somebody_watches(e, ask):
+def test_a_nan_command_trips_only_with_a_monitor(e, tick_setpoints):
     slacken(e)
     e.controller.joints[JOINT].target = math.nan
     alone = deep_copy(e)
     alone.watching = False
-    ask(alone, 100)
+    tick_setpoints(alone, 100)
     assert alone.controller.trip.tick < 0 and math.isnan(alone.joints[JOINT].board.command.torque)
-    ask(e, 100)
+    tick_setpoints(e, 100)
     assert kept(e) == (100, safety.COMMAND_TRIP, JOINT)
     assert e.joints[JOINT].board.command.torque == 0.0
 
 
-def test_the_first_of_two_wrong_commands_is_kept(e, ask):
+def test_the_first_of_two_wrong_commands_is_kept(e, tick_setpoints):
     slacken(e)
     for number in (1, 3):
         e.controller.joints[number].target = math.inf
-    ask(e, 100)
+    tick_setpoints(e, 100)
     assert kept(e) == (100, safety.COMMAND_TRIP, 1)
     assert [joint.board.command.cause for joint in e.joints] == [0, safety.COMMAND_TRIP, 0, 0]
 
 
-def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it_are_held(e, ask):
+def test_in_the_tick_of_a_wrong_command_earlier_joints_walk_and_later_joints_are_held(e, tick_setpoints):
     slacken(e)
     for number, joint in enumerate(e.controller.joints):
         joint.target = 3.0 + number
         e.joints[number].board.monitor.motor_speed = 0.2
         e.controller.model.gravity_torque[joint.model_index] = 10.0 + number
     e.controller.joints[1].target = math.nan
-    ask(e, 100)
+    tick_setpoints(e, 100)
     braked = -e.limits.hold_damping * 0.2
     # The weight of the joint itself is carried from the next tick on: this one began as one of a walk.
     assert [joint.board.command.torque for joint in e.joints] == [3.0, braked, braked + 12.0, braked + 13.0]
     speeds = [joint.board.monitor.motor_speed for joint in e.joints]
-    ask(e, 101)
+    tick_setpoints(e, 101)
     share = 1.0 - 1 / e.limits.lowering_ticks
     for number, (joint, found) in enumerate(zip(e.joints, speeds, strict=True)):
         assert joint.board.command.torque == -e.limits.hold_damping * found + share * (10.0 + number)
 
 
-def test_after_a_trip_the_controller_is_not_asked(e, laid):
+def test_after_a_trip_the_controller_is_not_called(e, laid):
     def never(*measured: float) -> float:
-        raise AssertionError("asked in the hold")
+        raise AssertionError("called in the hold")
 
-    asked = specialize(control, {**laid[1], "impedance_torque": never})
+    control_step = specialize(control, {**laid[1], "impedance_torque": never})
     with raises(AssertionError, "hold"):
-        asked(e, 100)
+        control_step(e, 100)
     e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part = 100, safety.SUPPLY_TRIP, -1
-    asked(e, 101)
+    control_step(e, 101)
     assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
     assert [joint.board.command.torque for joint in e.joints] == [0.0] * 4
 
@@ -495,7 +495,7 @@ def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
 
 
 def test_both_engines_hold_in_the_tick_of_a_wrong_command(treadmill):
-    """The second joint is asked for too much in tick 30."""
+    """The command of the second joint is too large in tick 30."""
     reference, compiled = ReferenceEngine(treadmill), CompiledEngine(treadmill)
     theirs, ours = (np.zeros((60, len(reference.layout.names))) for _ in range(2))
     reference.run_ticks(0, 30, theirs)

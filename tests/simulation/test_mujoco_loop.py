@@ -77,7 +77,7 @@ def problem_of(preset: str, *changes: str) -> SimulationSetup:
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
-def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine(case):
+def test_mujoco_dynamics_give_the_log_of_the_compiled_engine(case):
     problem = problem_of(*case)
     compiled = CompiledEngine(problem)
     ours, theirs = compiled.run(), ReferenceEngine(problem, kernel=MujocoKernel(problem).functions).run()
@@ -86,7 +86,7 @@ def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine(case):
 
 
 @pytest.mark.parametrize("change", ["patient.mass_kg=71", "patient.height_m=1.76"])
-def test_another_wearer_in_mujoco_is_noticed(change):
+def test_another_wearer_in_mujoco_is_detected(change):
     problem, changed = (
         problem_of("treadmill", EULER, "duration_s=0.01", *changes) for changes in ((), (change,))
     )

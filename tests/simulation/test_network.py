@@ -1,4 +1,4 @@
-"""Boards and gait controller over a CAN bus: what they hear, how old that is, what they do without it."""
+"""Tests of boards and gait controller over a CAN bus: received values, their age, silence."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def columns(run: Run, name: str) -> np.ndarray:
 
 
 def hold_tick(run: Run) -> int:
-    """First tick in which every joint is braked and no spring is left."""
+    """Return the first tick in which every joint is braked and no spring acts."""
     damping = run.experiment.control.safety.hold_damping
     held = columns(run, "damping_Nms_per_rad") == damping
     held &= columns(run, "stiffness_Nm_per_rad") == 0.0
@@ -64,9 +64,9 @@ def frames_of(run: Run) -> list[dict[str, float]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", ["board", "ccu"])
-def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everything_happens(place):
-    problem = problem_of(f"{{impedance: {place}, {WORST}}}", "duration_s=0.6")
+@pytest.mark.parametrize("impedance", ["board", "ccu"])
+def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_with_every_fault(impedance):
+    problem = problem_of(f"{{impedance: {impedance}, {WORST}}}", "duration_s=0.6")
     compiled = CompiledEngine(problem).run()
     plain = ReferenceEngine(problem, kernel=kernel_names(assemble(problem)[0])).run()
     reference = ReferenceEngine(problem).run()
@@ -78,7 +78,7 @@ def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everyth
 
 
 @pytest.mark.slow
-def test_lanes_are_their_episodes_alone():
+def test_lanes_equal_their_single_runs():
     def problem(number: int) -> SimulationSetup:
         draw = np.random.default_rng(number)
         outage = ("silence@0.3s", "bus_off:right_hip@0.4s", "reboot:right_knee@0.6s=0.1s")[number % 3]
@@ -103,31 +103,31 @@ def test_lanes_are_their_episodes_alone():
 
 
 @pytest.mark.parametrize("delay", [0, 5])
-def test_a_board_follows_a_switch_as_late_as_its_frame_comes(delay):
-    """Set points are written in even ticks and heard one tick and the delay later."""
+def test_a_board_follows_a_switch_with_the_delay_of_its_frame(delay):
+    """Setpoints are written in even ticks and received one tick and the delay later."""
     run = walk(f"{{delay_ms: {delay}}}", "duration_s=6", AT_ONCE)
     assert len(run.switches) > 20
     before = {"left": -100, "right": -100}
     for switch in run.switches:
         apart, before[switch.side] = switch.tick - before[switch.side], switch.tick
         if apart <= CYCLE + delay:
-            continue  # the board has not heard of the one before
-        heard = 2 * math.ceil(switch.tick / CYCLE) + 1 + delay
+            continue  # the board has not received the previous one
+        received = 2 * math.ceil(switch.tick / CYCLE) + 1 + delay
         stiffness = run.log[f"{switch.side}_knee_stiffness_Nm_per_rad"].to_numpy()
         moved = np.flatnonzero(np.diff(stiffness[switch.tick - 1 :]) != 0.0)
-        if heard < len(run.log):
-            assert switch.tick + moved[0] == heard
+        if received < len(run.log):
+            assert switch.tick + moved[0] == received
 
 
 @pytest.mark.parametrize("delay", [0, 3])
-def test_the_gait_controller_goes_by_measurements_as_old_as_is_said(delay):
-    """With its springs the board's torque tells which measurement it answers, by arithmetic on the log."""
+def test_the_gait_controller_uses_measurements_of_the_stated_age(delay):
+    """The torque of the springs reveals the measurement that was used, by arithmetic on the log."""
     problem = problem_of(f"{{impedance: ccu, delay_ms: {delay}}}", "duration_s=4", AT_ONCE)
     run = simulate(problem.experiment)
     layouts = load_messages()
     step = layouts["left_knee_setpoint"].signals["torque"].scale
     ticks = np.arange(100, len(run.log))
-    answered = ticks - 1 - delay - (ticks - 1 - delay) % CYCLE  # in which what is heard was written
+    answered = ticks - 1 - delay - (ticks - 1 - delay) % CYCLE  # tick in which the received value was written
     measured = answered - 1 - delay - (answered - 1 - delay) % CYCLE
     checked = 0
     for number, name in enumerate(JOINTS):
@@ -140,15 +140,15 @@ def test_the_gait_controller_goes_by_measurements_as_old_as_is_said(delay):
         )
         phases = run.log[f"{side}_phase"].to_numpy()[answered]
         rows = [problem.table.phase_names.index(phase) for phase in phases]
-        leg, place = divmod(number, 2)
-        k, b, rest, _ = problem.phase_rows[leg][rows][:, 4 * place : 4 * place + 4].T
+        leg, joint = divmod(number, 2)
+        k, b, rest, _ = problem.phase_rows[leg][rows][:, 4 * joint : 4 * joint + 4].T
         fed = run.log[f"{name}_target_torque_Nm"].to_numpy()[ticks]
         unloaded = problem.phase_rows[leg][rows][:, -1] == 0.0  # no gravity compensation in it
         expected = -(k * (angle - rest) + b * velocity)
         within = unloaded & (np.abs(expected) < 100.0)
         # Half a step of the torque, and of the angle, whose zero is no whole number of steps.
-        room = 0.5 * step + k * signals["angle"].scale
-        assert (np.abs(fed - expected) <= room)[within].all()
+        tolerance = 0.5 * step + k * signals["angle"].scale
+        assert (np.abs(fed - expected) <= tolerance)[within].all()
         checked += int(within.sum())
     assert checked > 4000
     for frame in frames_of(run):
@@ -156,7 +156,7 @@ def test_the_gait_controller_goes_by_measurements_as_old_as_is_said(delay):
         assert frame["max_age_s"] == pytest.approx(1e-3 * (2 + delay))
 
 
-def test_lost_frames_make_what_is_heard_older_as_a_geometric_series_says():
+def test_lost_frames_increase_the_age_of_measurements_as_a_geometric_series():
     """With a share p lost in every cycle T the mean age grows by T p / (1 - p)."""
     run = walk("{loss: 0.2}", "duration_s=20")
     assert run.traffic is not None
@@ -167,8 +167,8 @@ def test_lost_frames_make_what_is_heard_older_as_a_geometric_series_says():
 
 
 @pytest.mark.parametrize("delay", [2, 5, 20])
-def test_nothing_is_heard_before_it_can_come_and_nobody_minds(delay):
-    """At 20 ms the first frame comes after what is borne of silence."""
+def test_missing_frames_before_the_first_cycle_cause_no_trip(delay):
+    """At 20 ms the first frame arrives after the timeout of silence."""
     run = walk(f"{{delay_ms: {delay}}}", "duration_s=1")
     damping = columns(run, "damping_Nms_per_rad")
     assert (damping[:, : 1 + delay] == 0.0).all() and (damping[:, 1 + delay :] > 0.0).all()
@@ -183,9 +183,9 @@ def ideal() -> Run:
     return simulate(load_experiment("treadmill", ["duration_s=15"]).experiment)
 
 
-@pytest.mark.parametrize("place", ["board", "ccu"])
-def test_a_healthy_bus_leaves_the_walk_nearly_as_it_is(place):
-    run = walk(f"{{impedance: {place}}}", "duration_s=15")
+@pytest.mark.parametrize("impedance", ["board", "ccu"])
+def test_a_healthy_bus_hardly_changes_the_walk(impedance):
+    run = walk(f"{{impedance: {impedance}}}", "duration_s=15")
     assert abs(len(run.switches) - len(ideal().switches)) <= 1
     ours, theirs = (summarise_run(item)["sides"] for item in (run, ideal()))
     for side in ("left", "right"):
@@ -195,8 +195,8 @@ def test_a_healthy_bus_leaves_the_walk_nearly_as_it_is(place):
             assert ours[side][key] == pytest.approx(theirs[side][key], abs=0.5)
 
 
-def test_what_rounding_costs_is_a_matter_of_the_steps_of_the_frames(tmp_path):
-    """Steps four and sixteen times as coarse move a second of walking by more, in their order."""
+def test_rounding_error_depends_on_the_resolution_of_the_frames(tmp_path):
+    """Steps four and sixteen times as coarse change a second of walking increasingly."""
     text = shipped_file("twin.dbc").read_text(encoding="ascii")
     equilibrium = "SG_ equilibrium : 0|14@1+ (0.0002,-0.8) [-0.8|2.4764]"
     angle = "SG_ angle : 0|19@1+ (0.000006,-0.8) [-0.8|2.345716]"
@@ -227,18 +227,18 @@ def test_the_springs_on_the_gait_controller_leave_friction_compensation_on_the_b
 
 @pytest.mark.parametrize("count", [60, pytest.param(1_000, marks=pytest.mark.slow)])
 def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
-    """Silence that is borne plus a cycle: 22 ms after the silence began, whenever that is."""
+    """Timeout plus a cycle: 22 ms after the start of the silence at any time."""
     problem = problem_of("{outages: ['silence@1s']}", "duration_s=2.5")
     engine = CompiledEngine(problem)
     hold, draw = problem.experiment.control.safety.hold_damping, np.random.default_rng(20)
     names = [*(f"{joint}_damping_Nms_per_rad" for joint in JOINTS), "safety_state"]
-    places = [engine.layout.names.index(name) for name in names]
+    columns = [engine.layout.names.index(name) for name in names]
     target, worst = np.array([hold] * len(JOINTS) + [1.0]), 0.0
     for moment in draw.uniform(0.05, 2.45, count):
         engine = CompiledEngine(problem)
         outage = engine.episode["network"]["bus"]["outages"][0]
         outage["start"], outage["end"] = round(moment * 1e12), NEVER
-        rows = log_matrix(engine.run(columns=places))
+        rows = log_matrix(engine.run(columns=columns))
         held = np.flatnonzero((rows == target).all(axis=1))
         assert len(held) == len(rows) - held[0]  # and for good
         worst = max(worst, 1e-3 * held[0] - moment)
@@ -246,7 +246,7 @@ def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
     assert worst <= 1e-3 * (SILENCE + CYCLE)
 
 
-def test_a_board_that_is_cut_off_holds_its_joint_and_lets_it_down_and_the_others_follow():
+def test_a_disconnected_board_holds_and_lowers_its_joint_and_the_others_follow():
     run = walk("{outages: ['silence:left_knee@0.34s']}", "duration_s=4")
     assert run.trip is not None
     assert (run.trip.cause, run.trip.location) == (TripCause.BUS, "left knee")
@@ -262,8 +262,8 @@ def test_a_board_that_is_cut_off_holds_its_joint_and_lets_it_down_and_the_others
     assert run.verdict.outcome == "held"
 
 
-def test_a_board_in_the_hold_says_so_and_nobody_walks_on():
-    """The gait controller is off the bus for longer than boards bear, shorter than it bears itself."""
+def test_a_board_in_the_hold_reports_it_and_all_legs_hold():
+    """The gait controller is off the bus for longer than the timeout of boards but shorter than its own."""
     network = "{board_timeout_ms: 5, ccu_timeout_ms: 100, outages: ['silence:ccu@1s=12ms']}"
     run = walk(network, "duration_s=1.5")
     damping = columns(run, "damping_Nms_per_rad")
@@ -277,7 +277,7 @@ def test_a_board_in_the_hold_says_so_and_nobody_walks_on():
     ("length", "cause", "latest"), [("4ms", TripCause.DRIVE, 1_008), ("300ms", TripCause.BUS, 1_022)]
 )
 def test_a_board_that_reboots_gives_no_torque_meanwhile_and_holds_then(length, cause, latest):
-    """Of a short reboot the gait controller hears from the board, of a long one it hears by the silence."""
+    """The gait controller detects a short reboot by a message of the board, and a long one by the silence."""
     run = walk(f"{{outages: ['reboot:left_knee@1.0004s={length}']}}", "duration_s=1.6")
     back = 1_001 + math.ceil(float(length[:-2]) - 0.6)
     off = slice(1_001, back)
@@ -289,19 +289,19 @@ def test_a_board_that_reboots_gives_no_torque_meanwhile_and_holds_then(length, c
     assert (run.trip.cause, run.trip.location) == (cause, "left knee") and run.trip.tick <= latest
 
 
-def test_a_reboot_within_a_tick_is_noticed():
+def test_a_reboot_within_a_tick_is_detected():
     run = walk("{outages: ['reboot:left_knee@1.0002s=0.1ms']}", "duration_s=1.2")
     assert run.trip is not None and run.trip.location == "left knee" and run.trip.tick <= 1_008
 
 
-def test_a_gait_controller_that_reboots_does_not_walk_on():
+def test_a_gait_controller_that_reboots_stays_in_the_hold():
     run = walk("{outages: ['reboot:ccu@1s=5ms']}", "duration_s=1.5")
     assert run.trip is not None
     assert (run.trip.cause, run.trip.location, run.trip.tick) == (TripCause.BUS, "gait controller", 1_001)
 
 
 @pytest.mark.parametrize("node", ["ccu", "right_hip"])
-def test_bus_off_is_survived_with_recovery_and_held_without(node):
+def test_bus_off_is_bridged_with_recovery_and_leads_to_a_hold_without(node):
     """128 runs of 11 recessive bits are 1.4 ms of an idle bus, and a few cycles of one half in use."""
     outages = f"outages: ['bus_off:{node}@1s']"
     well, ill = (walk(f"{{bus_off_recovery: {on}, {outages}}}", "duration_s=2") for on in ("true", "false"))
@@ -312,15 +312,15 @@ def test_bus_off_is_survived_with_recovery_and_held_without(node):
     assert ill.trip is not None and ill.trip.cause is TripCause.BUS and 1_000 < ill.trip.tick <= 1_022
 
 
-def test_without_a_monitor_nobody_minds_the_silence():
+def test_without_a_monitor_silence_causes_no_trip():
     run = walk("{outages: ['silence@0.5s']}", "duration_s=0.7", "control.safety.enabled=false")
     assert run.trip is None
     assert (columns(run, "stiffness_Nm_per_rad")[:, 530:] > 0.0).any()
 
 
 @pytest.mark.slow
-def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
-    """A torque that runs away at 20 000 N m a second passes what is plausible within ticks."""
+def test_an_invalid_command_is_rejected_by_its_board_at_once_and_reported():
+    """A torque that runs away at 20 000 N·m a second passes what is plausible within ticks."""
     run = walk(
         "can",
         "engine=pinocchio",
@@ -341,7 +341,7 @@ def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
 # ------------------------------------------------------------------ what a user reads
 
 
-def test_the_summary_says_what_the_bus_carried():
+def test_the_summary_has_the_traffic_of_the_bus():
     run = walk("{loss: 0.1}", "duration_s=2")
     network = summarise_run(run)["network"]
     frames = frames_of(run)
@@ -349,8 +349,8 @@ def test_the_summary_says_what_the_bus_carried():
     assert network["sent"] == 8 * 1000
     # 8 frames of 111 bits and their stuff bits in a cycle, 24 of them at most.
     assert 8 * 111 / 2000 < network["bus_load"] < 8 * 135 / 2000
-    (said,) = (line for line in report(summarise_run(run)) if "bus:" in line)
-    assert said.endswith(f"{network['lost']} of 8000 frames lost")
+    (bus_line,) = (line for line in report(summarise_run(run)) if "bus:" in line)
+    assert bus_line.endswith(f"{network['lost']} of 8000 frames lost")
     assert "network" not in summarise_run(ideal())
 
 
@@ -361,7 +361,7 @@ def test_the_summary_says_what_the_bus_carried():
         ("control.safety.hold_damping_Nms_per_rad=300", "bus_value_range"),
     ],
 )
-def test_check_refuses_what_the_bus_does_not_carry(setting, rule):
+def test_check_refuses_values_outside_the_ranges_of_the_bus(setting, rule):
     experiment = load_experiment("treadmill", ["network=can", setting]).experiment
     errors = [
         item.rule for item in check(build_case(experiment.table, experiment)) if item.severity == "error"

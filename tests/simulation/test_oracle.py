@@ -52,9 +52,9 @@ def test_the_compiled_engine_moves_the_leg_as_the_second_loop_does(case):
     for side in problem.sides[: len(problem.world.arms)]:
         angles += [f"{side}_crutch_forward_m", f"{side}_crutch_height_m"]
     joints = [f"{item.side}_{item.joint}_motor_torque_Nm" for item in problem.joints]
-    places = [item.coordinate for item in problem.joints]
+    coordinates = [item.coordinate for item in problem.joints]
     phases = np.transpose([ours.log[f"{side}_phase"].cat.codes for side in problem.sides])
     np.testing.assert_array_equal(phases, theirs.phases)
     np.testing.assert_allclose(ours.log[angles], theirs.q, atol=1e-12, rtol=0.0)
-    np.testing.assert_allclose(ours.log[joints], theirs.motor[:, places], atol=1e-10, rtol=0.0)
+    np.testing.assert_allclose(ours.log[joints], theirs.motor[:, coordinates], atol=1e-10, rtol=0.0)
     assert ours.switches  # it is a step, not a rest

@@ -23,7 +23,7 @@ def world_of(*changes: str) -> World:
 
 
 @pytest.mark.parametrize("rest", RESTS)
-def test_orthosis_pulls_towards_its_rest_and_gives_back_what_it_stored(rest: float) -> None:
+def test_orthosis_pulls_towards_its_rest_angle_and_returns_its_stored_energy(rest: float) -> None:
     """Half a second of steps without support: the work of the spring is the drop of ½ k (θ − θ₀)²."""
     walk = simulate(
         load_experiment(
@@ -50,7 +50,7 @@ def test_orthosis_pulls_towards_its_rest_and_gives_back_what_it_stored(rest: flo
 
 
 @pytest.mark.parametrize("rest", RESTS)
-def test_orthoses_start_slack_but_for_the_one_that_levels_the_feet(rest: float) -> None:
+def test_orthoses_start_slack_except_the_one_that_levels_the_feet(rest: float) -> None:
     world = world_of(
         f"plant.ankle.rest_deg={rest}",
         "scenario.leading_start={hip_deg: 20.4, knee_deg: 12.5}",
@@ -85,8 +85,8 @@ def test_orthosis_accelerates_the_legs_as_a_spring_of_mujoco(rest: float, rng: n
     for _ in range(5):
         q, v = rng.uniform(-0.4, 0.4, model.nv), rng.uniform(-3.0, 3.0, model.nv)
         torque = np.zeros(model.nv)
-        for place in ankles:
-            torque[place] = plant_torque(world.plant[place], 0.0, q[place], v[place], 0.0)
+        for index in ankles:
+            torque[index] = plant_torque(world.plant[index], 0.0, q[index], v[index], 0.0)
         accelerations = legs_dynamics(legs, coordinate_order(legs, model), q, v, np.zeros(model.nv))[2]
         assert_allclose(model.forward_dynamics(q, v, torque), accelerations, rtol=1e-9, atol=1e-9)
 

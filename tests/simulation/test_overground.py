@@ -18,7 +18,7 @@ def walk():
     return simulate(load_experiment("overground", ["duration_s=12"]).experiment)
 
 
-def test_the_walk_goes_on_at_an_even_speed_with_the_trunk_leaning_forwards(walk):
+def test_the_walk_has_a_constant_speed_and_a_forward_trunk(walk):
     assert walk.verdict.outcome == "walked" and walk.trip is None
     settled = walk.log[walk.log["time_s"] > 4.0]
     way = np.ptp(settled["pelvis_forward_m"].to_numpy())
@@ -27,14 +27,14 @@ def test_the_walk_goes_on_at_an_even_speed_with_the_trunk_leaning_forwards(walk)
     assert 0.0 < lean.min() and lean.max() < 25.0
 
 
-def test_without_arms_the_same_walk_falls_at_once_and_the_summary_says_so(walk):
+def test_without_arms_the_same_walk_falls_at_once_and_the_summary_reports_it(walk):
     free = summarise_run(walk)["free_trunk"]
     assert free["without_arms"]["status"] == "fell" and free["without_arms"]["duration_s"] < 4.0
     way = walk.log["pelvis_forward_m"]
     assert free["distance_m"] == way.iloc[-1] - way.iloc[0] > 2.0
 
 
-def test_arms_stay_within_their_limits_and_their_use_is_what_the_log_has(walk):
+def test_arms_stay_within_their_limits_and_their_use_equals_the_log(walk):
     limits = walk.experiment.scenario.crutches
     for side in walk.sides:
         push = walk.log[f"{side}_arm_axial_force_N"]
@@ -49,13 +49,13 @@ def test_arms_stay_within_their_limits_and_their_use_is_what_the_log_has(walk):
         assert math.isnan(crutch_use(walk.log, side, 1e-3, 0.0)["mean_share"])  # of no weight
 
 
-def test_the_work_of_the_arms_is_that_of_the_wearer(walk):
+def test_the_work_of_the_arms_counts_as_work_of_the_wearer(walk):
     power = sum(walk.log[f"{side}_arm_power_W"].to_numpy() for side in walk.sides)
     work = np.cumsum(power) * 1e-3
     assert np.abs(work - walk.log["external_work_J"].to_numpy()).max() < 0.02 * np.ptp(work)
 
 
-def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):
+def test_without_step_commands_the_wearer_stands(walk):
     table = walk.table
     still = replace(
         table,
@@ -71,7 +71,7 @@ def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):
 
 
 @pytest.mark.parametrize("since", [1.0, 8.0, 20.0])
-def test_who_has_stood_for_any_time_steps_when_told_to(since):
+def test_a_standing_wearer_steps_on_command_after_any_time(since):
     """Both legs have stood since the same tick, and neither is clearly behind."""
     requests = f"requests=[walk@{since}s, step@{since + 0.1}s]"
     settings = ["modes=walking", requests, f"duration_s={since + 1.0}"]

@@ -107,7 +107,7 @@ def test_friction_takes_energy_and_the_balance_closes() -> None:
 # ---------------------------------------------------------------------- against others
 
 
-def test_stick_and_slip_are_those_of_mujoco_and_an_adaptive_solver() -> None:
+def test_stick_and_slip_equal_mujoco_and_an_adaptive_solver() -> None:
     """A weak spring drags the knee along; law, dynamics and integrator are others, typed a second time."""
     mujoco = pytest.importorskip("mujoco")
     from crosscheck.mujoco_legs import legs_of

@@ -129,7 +129,7 @@ def test_the_reference_engine_agrees_with_the_compiled_one(settings):
     assert_near(compiled.run(), ReferenceEngine(laid_out).run(), 1e-7)
 
 
-def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine():
+def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
     pytest.importorskip("mujoco")
     from mujoco_kernel import MujocoKernel  # needs MuJoCo
 
@@ -138,7 +138,7 @@ def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine():
     assert_near(compiled.run(), ReferenceEngine(laid_out, kernel=kernel.functions).run(), 1e-9)
 
 
-def test_the_second_loop_moves_three_joints_alike():
+def test_the_second_loop_gives_the_same_motion_of_three_joints():
     laid_out = problem(
         "duration_s=0.5",
         "plant.actuators.ankle.gear_efficiency=0.8",
@@ -155,7 +155,7 @@ def test_the_second_loop_moves_three_joints_alike():
 
 @pytest.mark.slow
 @pytest.mark.compile
-def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
+def test_lanes_with_powered_ankles_equal_their_single_runs(monkeypatch):
     monkeypatch.setattr(lane_engine, "MIN_BLOCK_SIZE", 2)
     settings = [f"patient.mass_kg={mass}" for mass in range(60, 78)]
     ours, theirs = ([CompiledEngine(problem("duration_s=5", item)) for item in settings] for _ in range(2))
@@ -172,7 +172,7 @@ def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
         ("faults=['motor_dead:right_ankle@0.2s']", "control.safety.enabled=false"),
     ],
 )
-def test_what_breaks_at_an_ankle_is_noticed(settings):
+def test_faults_at_an_ankle_are_detected(settings):
     run = simulate(experiment(PLAIN, "duration_s=0.7", *settings))
     if run.experiment.control.safety.enabled:
         assert run.trip is not None
@@ -200,16 +200,16 @@ def test_a_file_with_an_ankle_is_written_and_read_back():
 @pytest.mark.slow
 def test_a_drive_that_the_table_does_not_control_keeps_friction_and_rotor_but_gets_no_current():
     driven, free = (problem("duration_s=0.4", *settings) for settings in ((), ("table=treadmill",)))
-    place = free.world.model.index(Side.LEFT, JointName.ANKLE)
-    assert free.world.plant[place].friction == driven.world.plant[place].friction
-    assert free.world.plant[place].armature == driven.world.plant[place].armature > 0.0
+    index = free.world.model.index(Side.LEFT, JointName.ANKLE)
+    assert free.world.plant[index].friction == driven.world.plant[index].friction
+    assert free.world.plant[index].armature == driven.world.plant[index].armature > 0.0
     log = simulate(experiment(PLAIN, "duration_s=0.4", "table=treadmill")).log
     assert "left_ankle_motor_torque_Nm" not in log
     assert log["left_ankle_angle_rad"].std() > 0.0
 
 
 def controlling(joints: list[str], *settings: str) -> Experiment:
-    """The walk by what the table says of some joints, which changes phase by time."""
+    """Return the walk with a table of some joints that changes phase by time."""
     base = experiment("duration_s=0.5", "patient=stroke_left", *settings)
     table = replace(
         base.table,
@@ -288,7 +288,7 @@ def test_engines_agree_on_fewer_joints(joints):
         ("treadmill", ["sensors.offset.left.ankle_deg=1"], ("sensors offset", "hip", "knee", "ankle")),
     ],
 )
-def test_what_an_ankle_lacks_is_said_in_one_line(preset, settings, message):
+def test_missing_parameters_of_an_ankle_are_reported_in_one_line(preset, settings, message):
     with raises(TwinGaitError, *message) as refused:
         build_setup(load_experiment(preset, [*settings]).experiment)
     assert "\n" not in str(refused.value)

@@ -30,7 +30,7 @@ TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 ALL, SAMPLE, FEW_WALKS = range(1000), range(0, 1000, 50), range(2)
 REPEATING = FaultKind.FOOT_LOAD_STUCK, FaultKind.ENCODER_FREEZE
 DEGREE = math.pi / 180.0
-LEAN, GUARD = 8.0, 9.0  # [deg]: what the wearer has to pass, and what the guard asks of the measured pitch
+LEAN, GUARD = 8.0, 9.0  # [deg]: threshold of the true pitch, and threshold of the guard on the measured pitch
 
 every = pytest.param(ALL, marks=pytest.mark.slow, id="all")
 
@@ -48,11 +48,11 @@ def walk(seed: int, seconds: float = 12.0) -> Experiment:
     faults = []
     if seed % 6:
         kind = list(FaultKind)[seed % len(FaultKind)]
-        place = f"{draw.choice(['left', 'right'])}_{draw.choice(['hip', 'knee'])}"
-        place = place.split("_")[0] + "_foot" if kind is FaultKind.FOOT_LOAD_STUCK else place
-        place = "" if kind is FaultKind.SUPPLY_DIP else f":{place}"
-        place = place if not place or place.startswith(":") else f":{place}"
-        faults = [f"{kind}{place}@{draw.uniform(1.0, 0.6 * seconds):.3f}s"]
+        target = f"{draw.choice(['left', 'right'])}_{draw.choice(['hip', 'knee'])}"
+        target = target.split("_")[0] + "_foot" if kind is FaultKind.FOOT_LOAD_STUCK else target
+        target = "" if kind is FaultKind.SUPPLY_DIP else f":{target}"
+        target = target if not target or target.startswith(":") else f":{target}"
+        faults = [f"{kind}{target}@{draw.uniform(1.0, 0.6 * seconds):.3f}s"]
     return load_experiment(
         "overground",
         [
@@ -140,33 +140,37 @@ def measure(controller, draw: np.random.Generator) -> None:
 @pytest.mark.parametrize("seeds", [pytest.param(SAMPLE, id="sample"), every])
 def test_random_requests_leans_and_faults_never_lift_both_legs_nor_answer_the_chair_in_a_walk(name, seeds):
     """Some 2 s each; spells of signals of 5 to 250 ms, a request in every other spell."""
-    told = device(name)
+    controlled = device(name)
     visited, answered = set(), 0
     for seed in seeds:
         draw = np.random.default_rng(seed)
-        told.restart()
-        controller = told.engine.episode.controller
+        controlled.restart()
+        controller = controlled.engine.episode.controller
         fault, next_spell = int(draw.integers(500, 6000)), 0
-        since = told.supervisor.entry_tick = -int(draw.integers(0, 5000))
+        since = controlled.supervisor.entry_tick = -int(draw.integers(0, 5000))
         for tick in range(2000):
-            request, before = 0, told.mode
+            request, before = 0, controlled.mode
             if tick == next_spell:
                 next_spell += int(draw.integers(5, 250))
                 measure(controller, draw)
-                request = int(draw.integers(0, 2) * draw.integers(1, len(told.modes.requests) + 1))
+                request = int(draw.integers(0, 2) * draw.integers(1, len(controlled.modes.requests) + 1))
             if tick == fault:
                 controller.joints[seed % 4].measurement.cause = 1
-            told.tick(tick, request)
-            after = told.mode
+            controlled.tick(tick, request)
+            after = controlled.mode
             visited.add(after)
-            assert sum(map(told.table.is_swing, told.phases())) < 2
+            assert sum(map(controlled.table.is_swing, controlled.phases())) < 2
             assert after == "hold" if tick >= fault else after != "hold"
-            asked = request and told.modes.requests[request - 1]
-            if asked and not told.supervisor.rejected:
+            requested = request and controlled.modes.requests[request - 1]
+            if requested and not controlled.supervisor.rejected:
                 answered += 1
                 assert before != "hold" and tick != fault
-                assert asked != "sit" or before == "sit_up" or (before == "standing" and tick - since >= 3000)
-            if told.supervisor.entered:
+                assert (
+                    requested != "sit"
+                    or before == "sit_up"
+                    or (before == "standing" and tick - since >= 3000)
+                )
+            if controlled.supervisor.entered:
                 since = tick
     assert answered > len(seeds) and {"hold", "walk_manual", "stopping"} <= visited
 
@@ -182,33 +186,34 @@ def recorded() -> Run:
 
 
 def leaning(lean: float, held: int) -> np.ndarray:
-    """Pitch in [rad] of a trunk that leans by so many [deg], 0.15 s there, some ticks held, 0.15 s back."""
+    """Return the pitch [rad] of a trunk that leans by an angle [deg] in 0.15 s, holds, and returns."""
     way = 0.5 - 0.5 * np.cos(np.pi * np.arange(150) / 150)
     return lean * DEGREE * np.concatenate([way, np.ones(held), way[::-1], np.zeros(300)])
 
 
 def steps_by(pitch: np.ndarray, start: int, draw: np.random.Generator) -> tuple[bool, bool]:
-    """Whether a lean is answered with a step, as the inertial unit tells of it with its noise.
+    """Return whether a lean triggers a step, measured by the inertial unit with its noise.
 
     Phases and accelerations of the hips are those of a recorded walk from a tick on.
 
     Returns:
-        That, and whether the measured pitch has been beyond the guard for 200 ticks with both feet down.
+        Whether a step is triggered, and whether the measured pitch was beyond the guard for 200 ticks with
+        both feet on the ground.
     """
-    run, told = recorded(), device("floor")
+    run, controlled = recorded(), device("floor")
     sensor, ticks = run.experiment.sensors.trunk, slice(start, start + len(pitch))
     rate = np.gradient(pitch, 1e-3)
     turning = np.gradient(rate, 1e-3)
     speeds = [run.log[f"pelvis_{name}velocity_m_per_s"].to_numpy() for name in ("forward_", "")]
     ahead, up = (np.gradient(speed, 1e-3)[ticks] for speed in speeds)
     swinging = swings(run)[ticks]
-    told.restart()
-    unit, supervisor = told.engine.episode.trunk_unit, told.supervisor
+    controlled.restart()
+    unit, supervisor = controlled.engine.episode.trunk_unit, controlled.supervisor
     # Where a trunk that has been upright for long is measured.
     unit.pitch = sensor.gyroscope_bias * sensor.time_constant - sensor.accelerometer_bias / 9.81
-    names = told.modes.phase_names
-    supervisor.mode, place = names.index("walk_automatic"), list(told.modes.signals).index
-    pitch_place, swing_place = place("trunk.pitch_deg"), place("legs_in_swing")
+    names = controlled.modes.phase_names
+    supervisor.mode, index_of = names.index("walk_automatic"), list(controlled.modes.signals).index
+    pitch_index, swing_index = index_of("trunk.pitch_deg"), index_of("legs_in_swing")
     beyond = 0
     for tick in range(len(pitch)):
         felt = trunk_specific_force(unit, pitch[tick], rate[tick], turning[tick], ahead[tick], up[tick], 9.81)
@@ -216,7 +221,7 @@ def steps_by(pitch: np.ndarray, start: int, draw: np.random.Generator) -> tuple[
         gyroscope = rate[tick] + draw.normal(0.0, sensor.gyroscope_noise)
         update_pitch_estimate(unit, gyroscope, felt[0] + noise[0], felt[1] + noise[1], 1e-3)
         beyond = beyond + 1 if unit.pitch > GUARD * DEGREE and swinging[tick] == 0 else 0
-        supervisor.signals[pitch_place], supervisor.signals[swing_place] = unit.pitch, float(swinging[tick])
+        supervisor.signals[pitch_index], supervisor.signals[swing_index] = unit.pitch, float(swinging[tick])
         choose_mode(supervisor, tick, False)
         if names[supervisor.mode] == "automatic_step":
             return True, beyond == 200
@@ -248,13 +253,13 @@ def test_every_fault_on_the_floor_leads_to_a_hold_or_to_a_fall_that_is_reported(
         for name in (f"{side}_{joint}" for side in run.sides for joint in run.experiment.joints):
             assert run.log[f"{name}_motor_torque_Nm"].abs().max() <= limits.torque * (1.0 + 1e-9)
         assert swings(run).max() < 2
-        # What reads on as it last did is told from a healthy sensor only where that would have changed.
-        unheard = all(fault.kind in REPEATING for fault in run.experiment.faults)
-        assert unheard or run.trip is not None or run.status is RunStatus.FELL
+        # A frozen reading differs from a healthy sensor only if the value would have changed.
+        undetected = all(fault.kind in REPEATING for fault in run.experiment.faults)
+        assert undetected or run.trip is not None or run.status is RunStatus.FELL
         if run.trip is not None:
             hold = run.experiment.modes.phase_index("hold")
             assert (run.log["safety_state"][run.trip.tick :] == 1).all()
             # A command is seen to be wild behind the supervisor: the mode is the hold a tick later.
-            told = run.trip.tick + (run.trip.cause is TripCause.COMMAND)
-            assert (run.log["mode"].to_numpy()[told:] == hold).all()
+            held_from = run.trip.tick + (run.trip.cause is TripCause.COMMAND)
+            assert (run.log["mode"].to_numpy()[held_from:] == hold).all()
         assert run.verdict.outcome is Outcome.FELL if run.status is RunStatus.FELL else run.duration == 12.0

@@ -82,18 +82,18 @@ def test_a_whole_number_in_a_field_of_floats_makes_no_whole_numbers_of_it() -> N
     assert numpy_record(Inner(1))["gain"] == 1.0
 
 
-def test_what_is_absent_or_empty_is_left_out() -> None:
+def test_absent_and_empty_fields_are_left_out() -> None:
     names = dtype_of(outer()).names or ()
     assert "spare" not in names and "missing" not in names
-    there = outer()
-    there.spare, there.missing = [Inner(1.0)], Inner(2.0)
-    assert set(dtype_of(there).names or ()) - set(names) == {"spare", "missing"}
+    filled = outer()
+    filled.spare, filled.missing = [Inner(1.0)], Inner(2.0)
+    assert set(dtype_of(filled).names or ()) - set(names) == {"spare", "missing"}
 
 
 # ------------------------------------------------------------------ instance to record
 
 
-def test_every_value_is_written_where_its_name_says() -> None:
+def test_every_value_is_written_to_the_field_of_its_name() -> None:
     record = numpy_record(outer())
     assert (bool(record["flag"]), int(record["number"]), float(record["value"])) == (True, -3, 0.1)
     assert record["row"].tolist() == [1.0, 2.0, 3.0]
@@ -114,7 +114,7 @@ def test_numbers_are_kept_to_the_bit(value: float, number: int, flag: bool) -> N
 def check_written(sample: Any, record: Any) -> int:
     """Compare an instance with what was written, name by name; gives the numbers compared."""
     if isinstance(sample, list):
-        return sum(check_written(item, record[place]) for place, item in enumerate(sample))
+        return sum(check_written(item, record[index]) for index, item in enumerate(sample))
     if not is_dataclass(sample):
         assert record == sample or (math.isnan(sample) and math.isnan(record))
         return 1
@@ -137,9 +137,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("preset", "settings"), CASES)
-def test_a_whole_episode_is_written_and_takes_no_more_room_than_it_has_numbers(
-    preset: str, settings: tuple[str, ...]
-) -> None:
+def test_a_whole_episode_is_written_without_padding(preset: str, settings: tuple[str, ...]) -> None:
     problem = build_setup(load_experiment(preset, [*settings]).experiment)
     _, episode, _ = assemble(problem)
     record = numpy_record(episode)
@@ -183,7 +181,7 @@ def test_a_record_is_taken_from_attributes_of_the_same_names() -> None:
     assert from_attributes(Inner, Parameters(), gain=1.0, count=4) == Inner(1.0, 4)
 
 
-def test_a_field_with_a_default_keeps_it_where_nothing_says_more() -> None:
+def test_a_field_with_a_default_keeps_it_if_nothing_sets_it() -> None:
     assert from_attributes(Inner, Parameters()) == Inner(0.75, 0)
 
 

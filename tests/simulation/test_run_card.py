@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from twin_gait import load_experiment, simulate
 
 
-def test_the_card_of_a_run_says_how_it_ended_and_escapes_names():
+def test_the_card_of_a_run_states_its_outcome_and_escapes_names():
     run = simulate(load_experiment("bench_leg", ["duration_s=0.5"]).experiment)
     named = replace(run, experiment=replace(run.experiment, name="<b>mine"))
     card = named._repr_html_()

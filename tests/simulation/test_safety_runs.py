@@ -37,7 +37,7 @@ def test_a_walk_without_a_fault_never_trips(walk):
 
 
 @pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
-def test_a_monitor_that_reckons_with_cold_copper_leaves_a_warm_motor_alone(preset):
+def test_a_monitor_with_cold_copper_resistance_does_not_trip_a_warm_motor(preset):
     """Copper warmed by 100 K has 1.39 times the resistance that the monitor reckons with."""
     assert run_of(preset, f"control.safety.model_resistance_ratio={1 / 1.39}", "duration_s=10").trip is None
 
@@ -126,7 +126,7 @@ def test_the_parts_of_the_command_add_up_in_the_hold_too(held):
         np.testing.assert_allclose(held.log[f"right_{joint}_motor_command_torque_Nm"], total, atol=1e-12)
 
 
-def test_the_hold_lowers_the_leg_gently_and_never_lets_go(held):
+def test_the_hold_lowers_the_leg_slowly_and_never_releases_it(held):
     log, trip = held.log, held.trip.tick
     later = log.iloc[trip + 500 :]
     speed = later[["right_hip_velocity_rad_per_s", "right_knee_velocity_rad_per_s"]].abs().to_numpy()
@@ -154,7 +154,7 @@ def test_without_support_a_raised_leg_goes_down_faster():
     assert speeds[1] > 2.0 * speeds[0]
 
 
-def test_a_drive_that_does_not_obey_is_cut_off():
+def test_a_drive_that_does_not_follow_its_command_is_cut_off():
     run = run_of("bench_leg", "duration_s=1", faults=("motor_stuck:right_knee@0.3s=40Nm",))
     assert run.trip.cause is TripCause.DRIVE and run.trip.joint is JointName.KNEE
     torque = run.log["right_knee_motor_torque_Nm"].to_numpy()
@@ -176,7 +176,7 @@ def test_a_drive_that_does_not_obey_is_cut_off():
         ("encoder_against_model", "model_deviation_rad=1e-4"),
     ],
 )
-def test_a_tighter_bound_trips_when_the_log_says_that_it_was_broken(cause, setting):
+def test_a_tighter_bound_trips_when_the_log_exceeds_it(cause, setting):
     """The breach is looked for in whole columns, by other means than the monitor's."""
     run = run_of("bench_leg", "duration_s=8", f"control.safety.{setting}")
     assert run.trip is not None and run.trip.cause == cause

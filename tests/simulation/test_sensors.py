@@ -43,7 +43,7 @@ def test_offset_noise_and_counts_add_up():
     assert excess.std() == pytest.approx(1e-4, rel=0.1)
 
 
-def test_an_offset_is_an_equilibrium_that_is_off_by_as_much():
+def test_an_encoder_offset_acts_as_an_equilibrium_offset():
     """Closed form: −k (θ + δ − θ0) is the law of an encoder that is right about θ0 − δ."""
     phase, settings = "table.phases.early_stance", ("duration_s=0.2", "control.safety.enabled=false")
     table = experiment("bench_leg").table
@@ -69,7 +69,7 @@ def test_a_trip_in_the_first_tick_holds_the_angle_that_the_encoder_reads():
     assert joint["board"]["encoder"]["angle"] == engine.episode["q"][0] + math.radians(2.0)
 
 
-def test_offsets_are_swept_and_drawn_and_kept():
+def test_offsets_are_swept_drawn_and_stored():
     spec = {
         "experiment": "bench_leg",
         "settings": {"duration_s": 0.05},
@@ -93,7 +93,7 @@ def test_offsets_are_swept_and_drawn_and_kept():
         ("sensors.offset.right.ankle_deg=1", ("sensors offset", "hip", "knee", "ankle")),
     ],
 )
-def test_an_offset_that_cannot_be_is_refused_in_one_line(setting, words):
+def test_an_impossible_offset_is_refused_in_one_line(setting, words):
     with raises(ParameterFileError, *words) as caught:
         load_experiment("bench_leg", [setting])
     assert len(str(caught.value).splitlines()) == 1

@@ -51,7 +51,7 @@ def reference(given: SimulationSetup) -> Any:
 
 
 @pytest.mark.parametrize("engine", [compiled, pytest.param(in_lanes, marks=pytest.mark.slow), reference])
-def test_signals_stand_where_they_are_declared(engine):
+def test_signals_have_their_declared_index(engine):
     """After a tick as the right leg, which is the last one, has read them."""
     given = problem()
     controller = engine(given)
@@ -62,8 +62,8 @@ def test_signals_stand_where_they_are_declared(engine):
         "step": 1.0,
     }
     for front, leg in (("", 1), ("other.", 0)):
-        for place, joint in enumerate(given.table.joints):
-            measured = controller.joints[2 * leg + place].measurement
+        for index, joint in enumerate(given.table.joints):
+            measured = controller.joints[2 * leg + index].measurement
             expected[f"{front}{joint}.angle_deg"] = measured.angle
             expected[f"{front}{joint}.velocity_deg_per_s"] = measured.velocity
         expected[f"{front}foot.load_bw"] = controller.legs[leg].load

@@ -239,7 +239,7 @@ def test_stops_hold_the_knee_inside_its_range():
     ).log
     knee = np.degrees(log["right_knee_angle_rad"])
     assert knee.min() < -4.0  # it does reach the stop at -4 degrees
-    # A static 30 N m sinks 0.015 rad = 0.9 degrees into 2000 N m/rad; arriving with speed, a few more.
+    # A static 30 N·m sinks 0.015 rad = 0.9 degrees into 2000 N·m/rad; arriving with speed, a few more.
     assert knee.min() > -14.0
     assert log["right_knee_stop_torque_Nm"].max() > 30.0
 
@@ -252,7 +252,7 @@ def test_a_diverging_run_stops_and_keeps_its_log():
     assert "smaller integration step" in run.reason
 
 
-def test_a_request_to_stop_ends_the_run_with_what_there_is():
+def test_a_request_to_stop_ends_the_run_and_keeps_its_log():
     experiment = load_experiment("bench_leg", ["duration_s=2", "engine=pinocchio"]).experiment
     calls = []
 
@@ -265,6 +265,6 @@ def test_a_request_to_stop_ends_the_run_with_what_there_is():
     assert len(run.log) == 200
 
 
-def test_the_name_of_a_preset_is_no_experiment():
+def test_the_name_of_a_preset_is_refused_as_an_experiment():
     with raises(ParameterError, "Experiment", "bench_leg", "load_experiment"):
         simulate("bench_leg")

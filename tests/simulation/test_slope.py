@@ -93,7 +93,7 @@ def test_both_feet_stand_on_the_belt_at_the_start_as_on_level_ground(slope):
 
 
 @pytest.mark.parametrize("slope", [pytest.param(-3.0, marks=pytest.mark.slow), 4.0])
-def test_who_stands_on_a_slope_and_is_held_by_nothing_forwards_splits_their_weight(slope):
+def test_weight_on_a_slope_without_a_forward_guide_is_split(slope):
     r"""Friction and normal force are as :math:`\sin\alpha` to :math:`\cos\alpha`."""
     loose = ("scenario.support.forward_stiffness_N_per_m=0.01", "scenario.support.forward_damping_Ns_per_m=0")
     run = walk_of(
@@ -107,7 +107,7 @@ def test_who_stands_on_a_slope_and_is_held_by_nothing_forwards_splits_their_weig
     )
 
 
-def test_level_ground_has_a_kernel_that_knows_no_slope():
+def test_level_ground_has_a_kernel_without_slope():
     level, sloped = (
         assemble(build_setup(load_experiment("treadmill", [f"scenario.slope_deg={slope}"]).experiment))
         for slope in (0, 2)

@@ -25,7 +25,7 @@ from twin_gait.viewer.environment import BELT_MARK_SPACING
 from twin_gait.vocabulary import FIRST_SWING, STAND, Side
 
 START, STOP, RAMP = 2.0, 9.0, 1.5  # [s]
-CRUISE = 0.42  # [m] / [s]
+CRUISE = 0.42  # [m/s]
 LEAST_LOAD = 0.1  # of the weight of wearer and device that either foot carries who stands on both
 AT_EASE = 2.0  # [s] after the last step
 
@@ -42,7 +42,7 @@ def targets(run, cause):
     return [switch for switch in run.switches if switch.cause == cause]
 
 
-def foot_places(run, first, last):
+def foot_positions(run, first, last):
     """Forward place of heels and toes in [m] at two ticks, shape ``(2, 4)``."""
     model = run.experiment.build_world().model
     frames = [name for leg in model.legs.values() for name in leg.contact_frames]
@@ -74,9 +74,11 @@ def test_belt_rests_before_and_after_and_runs_evenly_in_between():
     assert np.abs(steps).max() <= 15.0 / 8.0 * CRUISE / RAMP * TICK * (1.0 + 1e-9)
 
 
-def test_legs_are_told_to_walk_from_the_start_to_the_stop():
-    told = [walk_command(time, START, STOP) for time in (0.0, START - TICK, START, STOP - TICK, STOP, 99.0)]
-    assert told == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+def test_walk_command_is_on_from_start_to_stop():
+    commands = [
+        walk_command(time, START, STOP) for time in (0.0, START - TICK, START, STOP - TICK, STOP, 99.0)
+    ]
+    assert commands == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
 
 
 def test_log_has_the_speed_of_the_belt_and_marks_in_the_page_go_its_way():
@@ -90,10 +92,10 @@ def test_log_has_the_speed_of_the_belt_and_marks_in_the_page_go_its_way():
     assert speed.tolist() == wanted
     assert replace(scenario, belt=None).steady == (0.0, math.inf)
     track, way = _belt_track(speed), np.cumsum(speed) * TICK
-    times, places = track.times, track.values[:, 0]
+    times, positions = track.times, track.values[:, 0]
     assert (np.diff(times) > 0.0).all()
     for time in (1.0, 5.0, 9.3, 19.0):
-        assert -np.interp(time, times, places) == pytest.approx(
+        assert -np.interp(time, times, positions) == pytest.approx(
             way[round(time / TICK)] % BELT_MARK_SPACING, abs=1e-3
         )
 
@@ -107,7 +109,7 @@ def test_log_has_the_speed_of_the_belt_and_marks_in_the_page_go_its_way():
         ("scenario.belt.end_s=9", ("scenario.belt.end_s", "delay_s")),
     ],
 )
-def test_a_belt_that_cannot_be_is_refused_in_one_line(setting, words):
+def test_an_impossible_belt_is_refused_in_one_line(setting, words):
     with raises(ParameterFileError, *words) as caught:
         load_experiment("treadmill_start_stop", [setting])
     assert "\n" not in str(caught.value)
@@ -116,33 +118,33 @@ def test_a_belt_that_cannot_be_is_refused_in_one_line(setting, words):
 # ---------------------------------------------------------------------- the command
 
 
-def test_a_leg_that_is_told_nothing_walks():
+def test_a_leg_without_a_walk_command_walks():
     """The table of stand on a belt without a profile moves the legs as its five walking phases do."""
     ankle = "plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}"  # as the table was found
     settings = ["duration_s=3", "table=treadmill_start_stop", "scenario.support.guide=vertical", ankle]
-    asked = load_experiment("treadmill", [*settings, "engine=pinocchio"]).experiment
-    cycle = asked.table.cycles[0]
+    experiment = load_experiment("treadmill", [*settings, "engine=pinocchio"]).experiment
+    cycle = experiment.table.cycles[0]
     assert len(cycle) == 5 and STAND not in cycle
     walking = replace(
-        asked.table,
-        phases={name: asked.table.phases[name] for name in cycle},
+        experiment.table,
+        phases={name: experiment.table.phases[name] for name in cycle},
         transitions=tuple(
             item
-            for item in asked.table.transitions
+            for item in experiment.table.transitions
             if {item.source, item.target} <= set(cycle) and "walk" not in str(item.guard)
         ),
-        scaling=replace(asked.table.scaling, stance_phases=cycle[:3]),
+        scaling=replace(experiment.table.scaling, stance_phases=cycle[:3]),
         cycles=(cycle,),
         waivers=(),
     )
-    plain, table = simulate(replace(asked, table=walking)), simulate(asked)
+    plain, table = simulate(replace(experiment, table=walking)), simulate(experiment)
     assert len(plain.switches) > len(cycle)
     assert [item[:4] for item in table.switches] == [item[:4] for item in plain.switches]
     numbers = plain.log.select_dtypes("number").columns
     assert table.log[numbers].equals(plain.log[numbers])
 
 
-def test_a_command_that_is_no_number_is_refused():
+def test_a_nan_command_is_refused():
     machine = GaitStateMachine(load_experiment("treadmill_start_stop").experiment.table, Side.LEFT)
     still = dict.fromkeys(machine.table.signals, 0.0)
     with raises(MeasurementError, "left", "walk", "nan"):
@@ -153,7 +155,7 @@ def test_standing_still_neither_creeps_nor_steps_without_the_command():
     run = walk("scenario.belt.start_s=20", "scenario.belt.stop_s=30", "duration_s=8")
     assert run.status is RunStatus.COMPLETED and run.trip is None  # though 8 s is long for a phase
     assert [item.target for item in run.switches] == [STAND]  # the second leg joins the first at once
-    moved = np.abs(np.diff(foot_places(run, 4000, 7999), axis=0))
+    moved = np.abs(np.diff(foot_positions(run, 4000, 7999), axis=0))
     assert moved.max() < 2e-3  # [m] in 4 s; the regularised friction of the soles lets them creep a little
 
 
@@ -186,7 +188,7 @@ PEOPLE = {
     ],
 )
 @pytest.mark.parametrize("stop", [6.0, 6.7])
-def test_he_starts_walks_and_stands_again_without_a_fall(settings, stop):
+def test_wearer_starts_walks_and_stands_again_without_a_fall(settings, stop):
     run = walk(*commands(1.0, stop, stop + 5.0), *settings)
     assert_stands_on_both_feet(run)
     leading = run.experiment.scenario.leading
@@ -213,7 +215,7 @@ def test_strides_are_counted_while_the_belt_runs_evenly():
         assert values["phases_in_order"] is True
 
 
-def test_both_engines_agree_from_stand_to_stand():
+def test_engines_agree_from_standing_to_standing():
     settings = (
         "sensors.ideal=true",
         "integration.method=rk4",
@@ -232,7 +234,7 @@ def test_both_engines_agree_from_stand_to_stand():
 
 
 @pytest.mark.slow
-def test_a_walk_in_pieces_follows_the_belt_too():
+def test_a_walk_in_chunks_follows_the_belt():
     problem = build_setup(load_experiment("treadmill_start_stop", commands(0.5, 3.0, 4)).experiment)
     run = SteppedRun(problem)
     while run.tick < 4000:
@@ -242,7 +244,7 @@ def test_a_walk_in_pieces_follows_the_belt_too():
 
 
 @pytest.mark.slow
-def test_another_speed_in_a_walk_in_pieces_keeps_the_ramps():
+def test_another_speed_in_a_walk_in_chunks_keeps_the_ramps():
     experiment = load_experiment("treadmill_start_stop", commands(0.5, 9.0, 3)).experiment
     # Without scaling the table is the same at both speeds.
     experiment = replace(experiment, table=replace(experiment.table, scaling=Scaling()))

@@ -53,7 +53,7 @@ def phase_codes(run, side):
 # ---------------------------------------------------------------------- nothing changed
 
 
-def test_a_walk_in_pieces_is_the_walk_in_one_bit_for_bit(treadmill):
+def test_a_walk_in_chunks_equals_the_single_run_bit_for_bit(treadmill):
     run, generator = SteppedRun(treadmill), np.random.default_rng(0)
     while run.tick < 4000:
         before = run.tick
@@ -64,7 +64,7 @@ def test_a_walk_in_pieces_is_the_walk_in_one_bit_for_bit(treadmill):
     assert run.switches() == whole.switches
 
 
-def test_noise_is_that_of_the_whole_run_too():
+def test_noise_equals_the_noise_of_the_whole_run():
     experiment = load_experiment(
         "bench_leg", ["duration_s=2", "sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "seed=5"]
     ).experiment
@@ -75,7 +75,7 @@ def test_noise_is_that_of_the_whole_run_too():
     assert log_table(run.rows(), run.layout, problem.table).equals(simulate(experiment).log)
 
 
-def test_a_walk_begun_again_is_the_same_walk(bench):
+def test_a_restarted_walk_is_the_same_walk(bench):
     run = SteppedRun(bench)
     first = run.advance(1500).copy()
     run.push(1, 30.0, 5000)
@@ -87,7 +87,7 @@ def test_a_walk_begun_again_is_the_same_walk(bench):
     np.testing.assert_array_equal(run.advance(1500), first)
 
 
-def test_rows_are_there_until_they_are_forgotten(bench):
+def test_rows_are_kept_until_they_are_dropped(bench):
     run = SteppedRun(bench)
     pieces = [run.advance(ticks).copy() for ticks in (300, 1, 0, 250)]
     np.testing.assert_array_equal(run.rows(), np.concatenate(pieces))
@@ -112,8 +112,8 @@ def test_new_parameters_fade_in_by_the_minimum_jerk_law_tick_by_tick(bench):
     run.advance(60)
     same = phase_codes(run, "right")[first:] == phase
     shares = minimum_jerk(np.arange(1, 61) / 40)
-    for place, name in ((4, "knee_stiffness_Nm_per_rad"), (6, "knee_equilibrium_rad")):
-        old, new = bench.phase_rows[0, phase, place], changed[0, phase, place]
+    for parameter_column, name in ((4, "knee_stiffness_Nm_per_rad"), (6, "knee_equilibrium_rad")):
+        old, new = bench.phase_rows[0, phase, parameter_column], changed[0, phase, parameter_column]
         seen = column(run, f"right_{name}", first)
         np.testing.assert_allclose(seen[same], (old + shares * (new - old))[same], rtol=1e-12)
     assert same[:40].all()  # else the test would have looked at nothing
@@ -152,7 +152,7 @@ def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
     assert log_table(run.rows(), run.layout, theirs.table).equals(simulate(small.experiment).log)
 
 
-def test_higher_thresholds_make_a_leg_wait_and_leave_other_runs_of_the_problem_alone(bench):
+def test_higher_thresholds_delay_a_leg_and_do_not_change_other_runs_of_the_setup(bench):
     late, plain = SteppedRun(bench), SteppedRun(bench)
     later = [{**item, "threshold": item["threshold"] + 0.02} for item in late.numbers["comparisons"]]
     change(late, comparisons=later)
@@ -213,7 +213,7 @@ def test_the_work_of_a_push_is_counted(bench):
     assert column(run, "external_work_J")[-1] == pytest.approx(work, rel=1e-4)
 
 
-def test_belt_and_support_change_what_the_feet_feel(treadmill):
+def test_belt_and_support_change_the_forces_on_the_feet(treadmill):
     run = SteppedRun(treadmill)
     run.advance(300)
     force = column(run, "support_force_N")
@@ -256,7 +256,7 @@ def test_a_fault_that_does_not_fit_and_one_too_many_are_refused(bench):
 # ---------------------------------------------------------------------- steps by hand, stop
 
 
-def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(bench):
+def test_a_held_leg_waits_for_its_release_and_waits_again_after_that_step(bench):
     held = bench.table.phase_index(LATE_STANCE)
     run = SteppedRun(bench)
     change(run, held_phase=held)
@@ -295,7 +295,7 @@ def test_a_stop_holds_the_joints_from_the_next_tick_on_and_is_not_taken_back(ben
     assert run.status is RunStatus.COMPLETED
 
 
-def test_a_walk_that_has_fallen_runs_no_further():
+def test_a_fallen_walk_does_not_continue():
     # The monitor would trip, and the harness catch the wearer.
     unwatched = ["duration_s=4", "control.safety.enabled=false"]
     run = SteppedRun(build_setup(load_experiment("treadmill", unwatched).experiment))
@@ -312,7 +312,7 @@ def test_a_walk_that_has_fallen_runs_no_further():
 # ---------------------------------------------------------------------- moments
 
 
-def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_notice(treadmill):
+def test_another_run_continues_from_a_snapshot_bit_for_bit_without_changing_the_first(treadmill):
     undisturbed, run, other = SteppedRun(treadmill), SteppedRun(treadmill), SteppedRun(treadmill)
     changed = treadmill.phase_rows * 1.02
     for one in (undisturbed, run):
@@ -330,7 +330,7 @@ def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_no
     assert list(other.switches()) == later and later and other.trip is None
 
 
-def test_a_step_by_hand_that_was_let_go_is_let_go_in_the_copy_too(bench):
+def test_a_released_manual_step_is_released_in_the_copy(bench):
     run, other = SteppedRun(bench), SteppedRun(bench)
     late = bench.table.phase_index(LATE_STANCE)
     change(run, held_phase=late)

@@ -37,7 +37,7 @@ from twin_gait.studies.batch import (
     flat_summary,
 )
 
-PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
+JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {
     "scenario.support.share": 0.0,
     "scenario.support.lock_stiffness_N_per_m": 0.0,
@@ -63,7 +63,7 @@ def unlike(count: int, seed: int, longest: float) -> list[dict[str, Any]]:
         }
         if number % 5 == 1:
             tick = int(rng.integers(1, round(1e3 * duration)))
-            row["faults"] = [f"encoder_missing:{PLACES[number % 4]}@{1e-3 * tick:.3f}s"]
+            row["faults"] = [f"encoder_missing:{JOINTS[number % 4]}@{1e-3 * tick:.3f}s"]
         if number % 5 == 2:
             row |= FALLING
         if number % 7 == 3:
@@ -106,37 +106,37 @@ KINDS = st.lists(st.tuples(st.sampled_from(["a", "b", None]), st.integers(1, 2 *
 
 
 @given(episodes=KINDS)
-def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes):
+def test_blocks_contain_every_episode_once_and_only_compatible_episodes(episodes):
     kinds, ticks = [kind for kind, _ in episodes], [length for _, length in episodes]
     blocks = group_into_blocks(kinds, ticks)
-    assert sorted(place for block in blocks for place in block) == list(range(len(episodes)))
+    assert sorted(index for block in blocks for index in block) == list(range(len(episodes)))
     for block in blocks:
         if len(block) > 1:
             assert MIN_BLOCK_SIZE <= len(block) <= WIDTH
-            assert {kinds[place] for place in block} in ({"a"}, {"b"})
-            assert len(block) * max(ticks[place] for place in block) <= MOST_TICKS
+            assert {kinds[index] for index in block} in ({"a"}, {"b"})
+            assert len(block) * max(ticks[index] for index in block) <= MOST_TICKS
 
 
 @pytest.mark.parametrize(("count", "sizes"), [(1, []), (7, []), (33, [32]), (1000, [*[32] * 31])])
-def test_what_is_alike_is_cut_into_full_blocks_of_similar_duration(count, sizes):
+def test_compatible_episodes_are_split_into_full_blocks_of_similar_duration(count, sizes):
     ticks = np.random.default_rng(count).integers(1, 5000, count).tolist()
     alike = [block for block in group_into_blocks(["x"] * count, ticks) if len(block) > 1]
     assert sorted(map(len, alike), reverse=True) == sizes
     spans = sorted(
-        (min(ticks[place] for place in part), max(ticks[place] for place in part)) for part in alike
+        (min(ticks[index] for index in part), max(ticks[index] for index in part)) for part in alike
     )
     assert all(before[1] <= after[0] for before, after in pairwise(spans))
 
 
-def test_the_order_of_the_episodes_does_not_decide_who_is_together():
+def test_blocks_do_not_depend_on_the_order_of_the_episodes():
     ticks = list(range(1, 101))
     order = np.random.default_rng(1).permutation(100)
     first = {frozenset(block) for block in group_into_blocks(["x"] * 100, ticks)}
-    shuffled = group_into_blocks(["x"] * 100, [ticks[place] for place in order])
-    assert {frozenset(int(order[place]) for place in block) for block in shuffled} == first
+    shuffled = group_into_blocks(["x"] * 100, [ticks[index] for index in order])
+    assert {frozenset(int(order[index]) for index in block) for block in shuffled} == first
 
 
-def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
+def test_blocks_are_used_for_many_episodes_whose_logs_fit(bench):
     assert precompile(bench, FEWEST_IN_ALL) == WIDTH
     assert precompile(bench, FEWEST_IN_ALL - 1) == 1
     assert precompile(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
@@ -150,33 +150,33 @@ def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
     ("count", "longest"),
     [(1, 2.0), (7, 0.5), pytest.param(33, 2.0, marks=pytest.mark.slow)],
 )
-def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
+def test_different_walks_in_a_block_equal_single_runs(walk, count, longest):
     base = attach_document(walk)
-    asked = [apply_override(base, row, "episode") for row in unlike(count, count, longest)]
-    found = dict(simulate_blocks(asked))
+    experiments = [apply_override(base, row, "episode") for row in unlike(count, count, longest)]
+    found = dict(simulate_blocks(experiments))
     assert sorted(found) == list(range(count))
-    for place, run in found.items():
-        assert_same_run(run, simulate(asked[place]))
+    for index, run in found.items():
+        assert_same_run(run, simulate(experiments[index]))
     outcomes = {str(run.status) for run in found.values()}, {run.trip is None for run in found.values()}
     assert count < 33 or outcomes == ({"completed", "fell"}, {True, False})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("workers", "count"), [(1, 70), (2, 400)])
-def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
+def test_short_episodes_in_any_order_equal_single_runs(walk, workers, count):
     rows = unlike(count, 5, 0.15)
     base = attach_document(walk)
     order = np.random.default_rng(workers).permutation(len(rows))
-    table = simulate_batch(walk, [rows[place] for place in order], workers=workers)
+    table = simulate_batch(walk, [rows[index] for index in order], workers=workers)
     alone = pd.DataFrame(
-        [flat_summary(simulate(apply_override(base, rows[place], "episode"))) for place in order]
+        [flat_summary(simulate(apply_override(base, rows[index], "episode"))) for index in order]
     )
     for name in alone.columns:
         same = (table[name] == alone[name]) | (table[name].isna() & alone[name].isna())
         assert same.all(), name
 
 
-def test_a_log_may_hold_only_what_is_read(walk):
+def test_a_log_may_contain_only_the_columns_that_are_read(walk):
     short = replace(walk, duration=0.3)
     ((_, brief),) = simulate_blocks([short], columns=SUMMARY_LOG_COLUMNS)
     whole = simulate(short)
@@ -205,17 +205,17 @@ def test_a_row_holds_the_numbers_of_the_summary(preset):
     assert sum(value is not None for value in row.values()) > 20
 
 
-def test_the_reference_engine_runs_beside_the_compiled_one(bench):
-    asked = [bench, replace(bench, duration=0.02, engine=Engine.PINOCCHIO)]
-    found = dict(simulate_blocks(asked, columns=SUMMARY_LOG_COLUMNS))
+def test_the_reference_engine_and_the_compiled_engine_run_in_one_batch(bench):
+    experiments = [bench, replace(bench, duration=0.02, engine=Engine.PINOCCHIO)]
+    found = dict(simulate_blocks(experiments, columns=SUMMARY_LOG_COLUMNS))
     names = found[1].log.columns
-    pd.testing.assert_frame_equal(found[1].log, simulate(asked[1]).log[names], check_exact=True)
+    pd.testing.assert_frame_equal(found[1].log, simulate(experiments[1]).log[names], check_exact=True)
     assert len(found[0].log) == 100
 
 
 @pytest.mark.slow
 @pytest.mark.compile
-def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, monkeypatch, tmp_path):
+def test_a_loop_for_blocks_is_compiled_for_many_and_then_reused_for_few(bench, monkeypatch, tmp_path):
     monkeypatch.setenv("TWIN_GAIT_CACHE", str(tmp_path))
     monkeypatch.setattr(code_cache, "_loops", {})
     blocks: list[int] = []
@@ -229,7 +229,7 @@ def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, mo
     assert blocks == [WIDTH, WIDTH, 20]
 
 
-def test_no_log_outlives_its_turn(bench):
+def test_logs_are_released_after_their_block(bench):
     before: list[weakref.ref[pd.DataFrame]] = []
     for _, run in simulate_blocks([bench] * MIN_BLOCK_SIZE):
         assert not [log for log in before if log() is not None]
@@ -237,29 +237,29 @@ def test_no_log_outlives_its_turn(bench):
     assert len(before) == MIN_BLOCK_SIZE
 
 
-def test_a_failure_has_its_number(bench):
+def test_a_failure_has_its_index(bench):
     broken = replace(bench, leg=replace(bench.leg, urdf="nowhere.urdf"))
     with raises(JobError, "job 2", "nowhere.urdf") as error:
         list(simulate_blocks([bench, bench, broken, bench]))
     assert error.value.index == 2 and isinstance(error.value.__cause__, TwinGaitError)
 
 
-def test_an_error_in_making_an_experiment_has_its_number(bench):
-    def asked() -> Iterator[Experiment]:
+def test_an_error_in_building_an_experiment_has_its_index(bench):
+    def experiments() -> Iterator[Experiment]:
         yield bench
         raise ParameterError("no such person")
 
     with raises(JobError, "job 1", "no such person"):
-        list(simulate_blocks(asked()))
+        list(simulate_blocks(experiments()))
 
 
-def test_work_can_be_stopped_and_more_than_are_laid_out_at_a_time_are_run(bench, monkeypatch):
+def test_work_can_be_stopped_and_many_episodes_are_run_in_portions(bench, monkeypatch):
     monkeypatch.setattr(simulator, "FEWEST_IN_ALL", 1000)  # without compiling for them
     short = replace(bench, duration=0.01)
-    assert sorted(place for place, _ in simulate_blocks([short] * 150)) == list(range(150))
+    assert sorted(index for index, _ in simulate_blocks([short] * 150)) == list(range(150))
     done: list[int] = []
-    for place, _ in simulate_blocks([short] * 40):
-        done.append(place)
+    for index, _ in simulate_blocks([short] * 40):
+        done.append(index)
         if len(done) == 3:
             break
     assert sorted(done) == [0, 1, 2]

@@ -90,7 +90,7 @@ def test_ground_forces_are_near_those_of_healthy_walking(summary, side):
     assert walk["clearance_m"] >= 0.010
 
 
-def test_walk_carries_itself(summary):
+def test_gait_is_self_propelled(summary):
     """Neither the belt nor the harness drives it: on the mean the feet push as much as they brake."""
     assert abs(sum(summary["sides"][side]["walk"]["fore_aft_force_N"] for side in SIDES)) <= 5.0
     assert abs(summary["power"]["belt_W"]) <= 1.5
@@ -100,7 +100,7 @@ def test_walk_carries_itself(summary):
 
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("joint", ["hip", "knee"])
-def test_motors_stay_inside_what_they_can_hold(summary, side, joint):
+def test_motors_stay_within_their_continuous_limits(summary, side, joint):
     values = summary["sides"][side]["joints"][joint]
     assert values["at_torque_limit_share"] <= 0.12
     assert values["torque_rms_Nm"] <= 43.0
@@ -157,7 +157,7 @@ def test_energy_balance_closes(walk):
     assert residual < {"pinocchio": 5e-3, "compiled": 1e-6}[walk.experiment.engine] * throughput
 
 
-def test_the_pelvis_guide_carries_what_the_log_says(walk):
+def test_the_force_of_the_pelvis_guide_equals_the_log(walk):
     """Newton on the whole body: belt forces are balanced by support, guide, weight and inertia."""
     log = walk.log
     mass = walk.body_weight / walk.experiment.plant.gravity

@@ -31,13 +31,13 @@ def sensed() -> tuple[ReferenceEngine, dict[str, np.ndarray]]:
     return engine, {name: log[name].to_numpy() for name in log}
 
 
-def test_a_pitch_that_is_known_exactly_is_the_true_one():
+def test_an_ideal_trunk_unit_measures_the_true_pitch():
     engine = ReferenceEngine(problem("sensors.ideal=true", "duration_s=0.02"))
     log = engine.run().log
     assert (log["measured_trunk_pitch_rad"] == log["trunk_pitch_rad"]).all()
 
 
-def test_the_unit_feels_how_its_place_moves(sensed):
+def test_the_unit_measures_the_acceleration_of_its_position(sensed):
     """The same filter with the arctangent, on differences of where the unit was by the log.
 
     Those are means over two ticks, what the unit feels is of an instant, and the soles chatter as they land.
@@ -62,14 +62,14 @@ def test_the_unit_feels_how_its_place_moves(sensed):
     assert_allclose(measured, found, rtol=0.0, atol=math.radians(0.25))
 
 
-def test_guards_read_what_the_filter_has_found(sensed):
+def test_guards_read_the_output_of_the_filter(sensed):
     engine, log = sensed
     names = all_signal_names(engine.setup.table.joints)
     read = engine.episode.controller.signals[names.index("trunk.pitch_deg")]
     assert read == log["measured_trunk_pitch_rad"][-1] != log["trunk_pitch_rad"][-1]
 
 
-def test_noise_is_drawn_by_the_seed_and_leaves_that_of_the_encoders():
+def test_noise_is_seeded_and_does_not_change_the_encoder_noise():
     noisy = ("sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=20")
     one, same, other = (problem(*noisy, f"seed={seed}").noise for seed in (1, 1, 2))
     encoders, efforts, unit = np.split(one, (4, 8), axis=1)
@@ -81,13 +81,13 @@ def test_noise_is_drawn_by_the_seed_and_leaves_that_of_the_encoders():
     assert np.abs(np.corrcoef(np.hstack([encoders, unit]).T) - np.eye(7)).max() < 0.04
 
 
-def test_noise_is_drawn_when_an_engine_asks() -> None:
+def test_noise_is_drawn_on_demand() -> None:
     """A live page lays an hour out for every change; drawn each time, the noise took 0.7 s and 0.3 GB."""
     hour = build_setup(load_experiment("day", ["duration_s=3600"]).experiment)
     assert "noise" not in vars(hour)
 
 
-def test_where_the_pelvis_is_guided_there_is_no_unit():
+def test_a_guided_pelvis_has_no_trunk_unit():
     settings = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=0.1"]
     noise = build_setup(load_experiment("treadmill", settings).experiment).noise
     assert noise.shape == (100, 8) and not noise[:, 4:].any()  # encoders, and efforts that are none

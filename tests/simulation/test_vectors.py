@@ -38,7 +38,7 @@ def states(count: int, rng: np.random.Generator) -> list[float]:
     return (rng.normal(size=(count, 3)) * (0.01, 1.0, 1.0)).ravel().tolist()
 
 
-def test_calls_come_together_where_the_last_one_is_and_what_needs_them_after_it() -> None:
+def test_calls_are_merged_at_the_last_one_and_dependent_code_follows() -> None:
     lines = [
         "t0, t1 = force(ground, q[0], v[0])",
         "t2 = t1 * v[1]",
@@ -62,13 +62,13 @@ def test_calls_come_together_where_the_last_one_is_and_what_needs_them_after_it(
 
 @pytest.mark.compile
 @pytest.mark.parametrize("count", COUNTS)
-def test_vectors_give_the_bits_of_one_by_one(count: int, rng: np.random.Generator) -> None:
+def test_vectors_equal_single_calls_bit_for_bit(count: int, rng: np.random.Generator) -> None:
     plain, vectors = functions(count)
     sines, forces = (vectors[f"{item.name}_{count}"] for item in MERGED_FUNCTIONS)
     ground = to_array(GROUND)
     found_ground = record_accessor(ground.dtype)
-    angles = [f"given[{place}]" for place in range(count)]
-    points = [f"given[{place}]" for place in range(count, 4 * count)]
+    angles = [f"given[{index}]" for index in range(count)]
+    points = [f"given[{index}]" for index in range(count, 4 * count)]
     text = f"def entry(address, given):\n    return sines({', '.join(angles)}), "
     text += f"forces(ground(address), {', '.join(points)})"
     scope = {"sines": sines, "forces": forces, "ground": found_ground}
@@ -85,10 +85,10 @@ def test_vectors_give_the_bits_of_one_by_one(count: int, rng: np.random.Generato
 
 @pytest.mark.compile
 @pytest.mark.parametrize("item", MERGED_FUNCTIONS, ids=lambda item: item.name)
-def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> None:
+def test_llvm_vectorises_calls_although_its_vectoriser_is_off(item: Any) -> None:
     """Where this fails, the loop has something that LLVM does not take: it is slow, not wrong."""
     each = functions(8)[1][f"{item.name}_8"]
-    given = ["ground(address)"] * item.shared + [f"given[{place}]" for place in range(8 * item.arguments)]
+    given = ["ground(address)"] * item.shared + [f"given[{index}]" for index in range(8 * item.arguments)]
     scope = {"each": each, "ground": record_accessor(to_array(GROUND).dtype)}
     exec(compile(f"def entry(address, given):\n    return each({', '.join(given)})", "entry", "exec"), scope)
     made, signature = jit(scope["entry"], inline=False), (types.intp, types.float64[::1])
@@ -100,31 +100,31 @@ def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> N
     assert multiplied.count("double") < 4
 
 
-PLACES = (0, 2, 5)
+INDICES = (0, 2, 5)
 STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,)), ("share", "f8", (6,))], align=True)
 
 
-def sliding(state: Any, place: int, staged: bool) -> tuple[float, float, float, float, float]:
-    return state.velocity[place], 8.0, 10.0, 0.1, 2.0
+def sliding(state: Any, index: int, staged: bool) -> tuple[float, float, float, float, float]:
+    return state.velocity[index], 8.0, 10.0, 0.1, 2.0
 
 
-def sliding_under_load(state: Any, place: int, staged: bool) -> tuple[float, ...]:
-    return state.velocity[place], 8.0, 10.0, 0.1, 2.0, -1.0, 0.85
+def sliding_under_load(state: Any, index: int, staged: bool) -> tuple[float, ...]:
+    return state.velocity[index], 8.0, 10.0, 0.1, 2.0, -1.0, 0.85
 
 
-def keep(state: Any, place: int, torque: float) -> None:
-    state.friction[place] = torque
+def keep(state: Any, index: int, torque: float) -> None:
+    state.friction[index] = torque
 
 
-def keep_both(state: Any, place: int, found: tuple[float, float]) -> None:
-    state.friction[place] += found[0]
-    state.share[place] = found[1]
+def keep_both(state: Any, index: int, found: tuple[float, float]) -> None:
+    state.friction[index] += found[0]
+    state.share[index] = found[1]
 
 
 def rub(address: int, first: int, end: int) -> int:
-    vector_map(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
+    vector_map(state_at(address), INDICES, False, sliding, rotational_friction_torque, keep)
     law = rotational_friction_and_share
-    vector_map(state_at(address), PLACES, False, sliding_under_load, law, keep_both)
+    vector_map(state_at(address), INDICES, False, sliding_under_load, law, keep_both)
     return 0
 
 
@@ -133,7 +133,7 @@ def state_at(address: int) -> Any:
 
 
 @pytest.mark.compile
-def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Generator) -> None:
+def test_a_law_at_several_indices_equals_single_calls_bit_for_bit(rng: np.random.Generator) -> None:
     own = {
         "sliding": jit(sliding),
         "keep": jit(keep),
@@ -151,4 +151,4 @@ def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Gen
         compiled.function(states.ctypes.data, 0, 0)
         assert states[0].tobytes() == states[1].tobytes()
         for found in (states.friction[0], states.share[0]):
-            assert np.flatnonzero(found).tolist() == list(PLACES)
+            assert np.flatnonzero(found).tolist() == list(INDICES)

@@ -16,7 +16,7 @@ def walk(*settings: str) -> Run:
 
 
 @pytest.mark.parametrize(("share", "speed"), [(0.6, 1.5), (0.75, 1.5), (0.9, 0.8)])
-def test_foot_strikes_once_a_stride_however_it_bounces(share: float, speed: float) -> None:
+def test_bouncing_foot_strikes_once_per_stride(share: float, speed: float) -> None:
     """With nine tenths of the weight gone a foot may land, be off for 0.25 s and more, and land again."""
     run = walk(f"scenario.support.share={share}", f"scenario.belt_speed_km_per_h={speed}")
     for record in run.leg_records():
@@ -30,7 +30,7 @@ def test_foot_strikes_once_a_stride_however_it_bounces(share: float, speed: floa
         )
 
 
-def test_belt_pulls_as_much_as_the_guide_pushes_over_whole_strides() -> None:
+def test_belt_and_guide_forces_balance_over_whole_strides() -> None:
     """The momentum of a steady walk is the same at the end of a stride as at its start, but for a trifle."""
     run = walk()
     power, legs, walkway = run.walk_power(), run.walk_measures(), run.walkway

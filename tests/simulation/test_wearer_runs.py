@@ -104,18 +104,18 @@ def test_spastic_muscles_act_beyond_the_speed_of_the_catch_only():
     assert_allclose(torque(log, "knee"), expected, rtol=1e-12, atol=1e-14)
 
 
-def moments_of(asked: Experiment) -> np.ndarray:
+def moments_of(config: Experiment) -> np.ndarray:
     """Normative moments by limb, phase and posture."""
-    return np.array([limb.moments for limb in build_setup(asked).limbs])
+    return np.array([limb.moments for limb in build_setup(config).limbs])
 
 
 @pytest.mark.parametrize("delay", [0, 1, 60])
 def test_effort_is_looked_up_in_phase_and_posture_of_the_delay_before(delay):
     """By brute force: the table of the phase, interpolated by numpy at the hip angle that many ticks ago."""
-    asked = experiment(EAGER, f"patient.effort_delay_ms={delay}")
-    moments = moments_of(asked)
-    log = simulate(asked).log
-    names = list(asked.table.phase_names)
+    config = experiment(EAGER, f"patient.effort_delay_ms={delay}")
+    moments = moments_of(config)
+    log = simulate(config).log
+    names = list(config.table.phase_names)
     phases = [names.index(name) for name in log["right_phase"]]
     postures = MIN_HIP_ANGLE + HIP_ANGLE_STEP * np.arange(N_HIP_ANGLES)
     for number, (joint, share) in enumerate((("hip", 0.8), ("knee", 0.5 * 0.6))):
@@ -129,13 +129,13 @@ def test_effort_is_looked_up_in_phase_and_posture_of_the_delay_before(delay):
         assert given[delay] != 0.0
 
 
-def test_effort_is_that_of_the_nearest_healthy_instant():
+def test_effort_is_the_effort_of_the_nearest_healthy_instant():
     """The reference at 0.5 km/h in swing flexion (62 to 75 % of the cycle), searched instant by instant."""
     from twin_gait.measures.reference import normative_moment, reference_curve
 
-    asked = experiment(EAGER)
-    moments = moments_of(asked)
-    phase = list(asked.table.phase_names).index("swing_flexion")
+    config = experiment(EAGER)
+    moments = moments_of(config)
+    phase = list(config.table.phase_names).index("swing_flexion")
     instants = [62.0 + 0.26 * i for i in range(51)]
     hips = [float(reference_curve(JointName.HIP, p, speed=0.5 / 3.6, height=1.75)) for p in instants]
     for posture in (0, 13, 18, 25, 40):
@@ -157,7 +157,7 @@ def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
     assert_array_equal(half[:, 3:], full[:, 3:])
 
 
-def test_weakness_scales_what_is_given():
+def test_weakness_scales_the_effort():
     limbs = build_setup(experiment(EAGER)).limbs
     assert_allclose(
         [limb.condition.effort * limb.condition.strength for limb in limbs], [0.8, 0.3], rtol=1e-15
@@ -175,11 +175,11 @@ def test_weakness_scales_what_is_given():
         "patient.left={hip: {passive: 1, effort: 1}, knee: {passive: 1}}",  # the other leg is on the stand
     ],
 )
-def test_wearer_who_gives_nothing_changes_no_bit(without, idle):
+def test_wearer_without_torques_changes_no_bit(without, idle):
     same_log(bench(idle), without)
 
 
-def test_muscles_without_strength_are_passive_ones_bit_for_bit():
+def test_muscles_without_strength_equal_passive_muscles_bit_for_bit():
     passive = bench(STIFF)
     weak = bench("patient.both={hip: {passive: 1, effort: 1, strength: 0}, knee: {passive: 1}}")
     same_log(passive, weak)
@@ -200,7 +200,7 @@ def test_noise_of_the_effort_is_drawn_from_the_seed():
     assert (first.log["right_hip_external_torque_Nm"] != other.log["right_hip_external_torque_Nm"]).any()
 
 
-def test_noise_of_the_effort_leaves_that_of_the_sensors_alone_and_has_the_size_asked_for():
+def test_noise_of_the_effort_has_the_set_size_and_does_not_change_the_sensor_noise():
     noisy = ("sensors={ideal: false, angle_noise_deg: 0.02}", "duration_s=20", EAGER)
     quiet = build_setup(experiment(*noisy))
     loud = build_setup(experiment(*noisy, "patient.effort_noise=0.2"))
@@ -236,7 +236,7 @@ def test_work_of_the_wearer_is_his_torque_times_the_angle_turned():
     assert_allclose(log["external_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
 
 
-def test_torques_of_the_wearer_and_of_pushes_add_up_to_the_outside_torque():
+def test_torques_of_the_wearer_and_of_pushes_add_up_to_the_external_torque():
     """Every row of the log."""
     log = bench(ALL, SAFE).log
     for joint in ("hip", "knee"):
@@ -245,7 +245,7 @@ def test_torques_of_the_wearer_and_of_pushes_add_up_to_the_outside_torque():
         assert all(np.abs(part).max() > 0.1 for part in parts[:2])
 
 
-def test_stiff_and_spastic_joints_are_no_voluntary_effort():
+def test_stiff_and_spastic_joints_do_not_count_as_voluntary_effort():
     log = bench(STIFF, SPASTIC.replace("both", "right")).log
     assert not log.filter(regex="_voluntary_torque_Nm$").to_numpy().any()
     assert_allclose(torque(log, "knee"), log["right_knee_passive_torque_Nm"], rtol=0.0)
@@ -256,12 +256,12 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
     """On the treadmill, ankles included: 0.3 s in all columns; every law of the wearer acts."""
     settings = [ALL, "patient.effort_delay_ms=40", "patient.effort_noise=0.1", "duration_s=0.3", "seed=5"]
     settings.append("patient.left.knee.effort=0.2")
-    asked = dataclasses.replace(
+    config = dataclasses.replace(
         load_experiment("treadmill", settings).experiment,
         integration=Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3),
     )
     logs = [
-        simulate(dataclasses.replace(asked, engine=engine)).log.select_dtypes("number") for engine in Engine
+        simulate(dataclasses.replace(config, engine=engine)).log.select_dtypes("number") for engine in Engine
     ]
     for side in Side:
         for joint in ("hip", "knee"):
@@ -373,10 +373,10 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
     """A table of four phases: early stance is left for late stance."""
     merged = {"middle_stance": "early_stance"}
     phases = {name: item for name, item in table.phases.items() if name not in merged}
-    known = tuple(phases)
+    names = tuple(phases)
 
-    def told(atom):
-        """What is said of middle stance is said of early stance."""
+    def merge_phases(atom):
+        """Replace middle stance by early stance in a condition."""
         if not isinstance(atom, PhaseMembership):
             return atom
         return PhaseMembership(phases=tuple({merged.get(name, name): None for name in atom.phases}))
@@ -386,13 +386,13 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
         phases=phases,
         transitions=tuple(
             dataclasses.replace(
-                item, source=merged.get(item.source, item.source), guard=map_atoms(item.guard, told)
+                item, source=merged.get(item.source, item.source), guard=map_atoms(item.guard, merge_phases)
             )
             for item in table.transitions
             if item.target not in merged
         ),
-        scaling=dataclasses.replace(table.scaling, stance_phases=known[:2]),
-        cycles=(known,),
+        scaling=dataclasses.replace(table.scaling, stance_phases=names[:2]),
+        cycles=(names,),
         waivers=(),
     )
 
@@ -401,32 +401,34 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
 @pytest.mark.parametrize("change", [with_pre_swing, with_one_stance_less])
 def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
     """For a moment on the treadmill, by the moments that Winter has for what each phase stands for."""
-    asked = load_experiment(
+    config = load_experiment(
         "treadmill", [f"patient={person}", "engine=pinocchio", "duration_s=0.02", "patient.effort_delay_ms=0"]
     ).experiment
-    table = change(asked.table)
-    scenario = dataclasses.replace(asked.scenario, leading_phase="late_stance", trailing_phase="early_stance")
-    asked = dataclasses.replace(asked, table=table, scenario=scenario)
-    moments = moments_of(asked)
-    active = any(item.effort for item in asked.patient.conditions.values())
+    table = change(config.table)
+    scenario = dataclasses.replace(
+        config.scenario, leading_phase="late_stance", trailing_phase="early_stance"
+    )
+    config = dataclasses.replace(config, table=table, scenario=scenario)
+    moments = moments_of(config)
+    active = any(item.effort for item in config.patient.conditions.values())
     assert moments.any() == active
     if active:
         for number, joint in enumerate(("hip", "knee")):
             for name, row in zip(table.phase_names, moments[number], strict=True):
                 first, last = phase_spans(table)[name]
-                share = 1.0 if table.is_swing(name) else 1.0 - asked.scenario.support.share
+                share = 1.0 if table.is_swing(name) else 1.0 - config.scenario.support.share
                 healthy = share * 70.0 * normative_moment(joint, np.linspace(first, last, 501))
                 assert healthy.min() - 1e-9 <= row.min() < row.max() <= healthy.max() + 1e-9
-    run = simulate(asked)
+    run = simulate(config)
     assert run.status is RunStatus.COMPLETED
     assert set(run.log["left_phase"]) <= set(table.phases)
     assert all(run.log[f"{side}_hip_external_torque_Nm"].abs().max() > 0.1 for side in Side)
 
 
 def test_sixth_phase_leaves_the_moments_of_the_other_five():
-    asked = load_experiment("treadmill", ["patient=healthy"]).experiment
-    five = moments_of(asked)
-    six = moments_of(dataclasses.replace(asked, table=with_pre_swing(asked.table)))
+    config = load_experiment("treadmill", ["patient=healthy"]).experiment
+    five = moments_of(config)
+    six = moments_of(dataclasses.replace(config, table=with_pre_swing(config.table)))
     assert_array_equal(six[:, [0, 1, 4, 5]], five[:, [0, 1, 3, 4]])
     # What was nearest of all late stance is nearest in one of its parts, but for the grid of instants.
     parts = np.abs(six[:, 2:4] - five[:, [2]]).min(axis=1)
@@ -438,16 +440,16 @@ def test_sixth_phase_leaves_the_moments_of_the_other_five():
 
 
 def test_names_of_phases_do_not_matter():
-    asked = experiment(EAGER)
-    phases = {f"my_{name}": item for name, item in asked.table.phases.items()}
-    names = dict(zip(asked.table.phases, phases, strict=True))
+    config = experiment(EAGER)
+    phases = {f"my_{name}": item for name, item in config.table.phases.items()}
+    names = dict(zip(config.table.phases, phases, strict=True))
     transitions = tuple(
         dataclasses.replace(item, source=names[item.source], target=names[item.target])
-        for item in asked.table.transitions
+        for item in config.table.transitions
     )
-    table = dataclasses.replace(asked.table, phases=phases, transitions=transitions, cycles=(), waivers=())
-    scenario = dataclasses.replace(asked.scenario, initial_phase="my_swing_flexion")
-    renamed = simulate(dataclasses.replace(asked, table=table, scenario=scenario))
+    table = dataclasses.replace(config.table, phases=phases, transitions=transitions, cycles=(), waivers=())
+    scenario = dataclasses.replace(config.scenario, initial_phase="my_swing_flexion")
+    renamed = simulate(dataclasses.replace(config, table=table, scenario=scenario))
     for joint in ("hip", "knee"):
         assert_array_equal(torque(renamed.log, joint), torque(bench(EAGER).log, joint))
 
@@ -457,13 +459,13 @@ def test_names_of_phases_do_not_matter():
 
 @pytest.mark.parametrize("names", [("swing_in", "swing_out"), ("one", "two")])
 def test_effort_needs_a_stride(names):
-    asked = experiment(EAGER)
+    config = experiment(EAGER)
     table = cyclic(*names)
-    scenario = dataclasses.replace(asked.scenario, initial_phase=None)
+    scenario = dataclasses.replace(config.scenario, initial_phase=None)
     with raises(ParameterError, "patient.effort", *names, 0):
-        simulate(dataclasses.replace(asked, table=table, scenario=scenario))
+        simulate(dataclasses.replace(config, table=table, scenario=scenario))
 
 
 def test_passive_wearer_needs_no_particular_phases():
-    asked = experiment(STIFF, "duration_s=0.02")
-    assert simulate(asked).status is RunStatus.COMPLETED
+    config = experiment(STIFF, "duration_s=0.02")
+    assert simulate(config).status is RunStatus.COMPLETED

@@ -38,7 +38,7 @@ def walk() -> Run:
 # ---------------------------------------------------------------------------------- tuning
 
 
-def test_the_error_of_a_driven_ankle_counts_like_those_of_hip_and_knee() -> None:
+def test_the_error_of_a_driven_ankle_counts_like_hip_and_knee_errors() -> None:
     two, three = ({part.name: part for part in objective_terms(joints)} for joints in (TWO, JOINTS))
     assert set(two) == set(three)
     assert three["ankle_error_deg"].weight == three["knee_error_deg"].weight > two["ankle_error_deg"].weight
@@ -67,7 +67,7 @@ def test_numbers_of_the_ankle_are_searched_within_its_published_range() -> None:
     table = load_experiment(WALK).experiment.table
     found = [item for item in tunable_parameters(table) if ".ankle." in item.name]
     assert len(found) == 4 * len(table.phases)
-    stiff = [item for item in found if item.unit == "Nm/deg"]
+    stiff = [item for item in found if item.unit == "N·m/deg"]
     assert all(item.upper == STIFFNESS_RANGES[JointName.ANKLE].high for item in stiff)
     assert editable_document(table)["phases"]["late_stance"]["ankle"]["equilibrium_deg"] == -18.0
 
@@ -113,7 +113,7 @@ def test_a_comparison_shows_the_joints_that_are_driven() -> None:
     assert three - two == {"ankle_range_of_motion_deg", "ankle_interaction_rms_Nm"} and two < three
 
 
-def test_controllers_suit_the_ankle_and_help_it_as_well() -> None:
+def test_controllers_support_the_ankle() -> None:
     experiment = load_experiment(WALK).experiment
     assert {name for name, item in CONTROLLERS.items() if not item.can_drive(experiment)} == {"position"}
     assert all(item.can_drive(load_experiment("treadmill").experiment) for item in CONTROLLERS.values())

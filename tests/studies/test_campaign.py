@@ -73,7 +73,7 @@ def test_logs_run_at_1_khz_from_level_and_their_stop_is_at_125_degrees(knee_drop
     assert not log.isna().any().any()
 
 
-def test_settings_are_those_of_the_protocol(knee_drop: Path) -> None:
+def test_settings_equal_the_protocol(knee_drop: Path) -> None:
     settings = json.loads((knee_drop / "campaign.json").read_text())
     assert settings["synthetic"] is True and settings["seed"] == 4
     tests = settings["tests"]
@@ -92,7 +92,7 @@ def test_lighter_weights_get_larger_amplitudes_in_steps_of_five() -> None:
     assert [drop_amplitude(1.0, step) for step in range(3)] == [185.0, 190.0, 195.0]
 
 
-def test_falls_go_as_the_thesis_tells(knee_drop: Path) -> None:
+def test_falls_follow_the_thesis(knee_drop: Path) -> None:
     tests = pd.DataFrame(json.loads((knee_drop / "campaign.json").read_text())["tests"])
     heavy = tests[tests.mass_kg == 3.0].groupby("K").duration_s.mean()  # to 0.3 s beyond the stop
     assert heavy[1.0] > heavy[1.1] > heavy[1.15]
@@ -102,7 +102,7 @@ def test_falls_go_as_the_thesis_tells(knee_drop: Path) -> None:
     assert 0.5 < max(log.velocity_rad_per_s.max() for log in logs) < 0.7  # its fit stands on 0 to 0.6 rad/s
 
 
-def test_smaller_amplitude_takes_longer_to_break_away_on_average() -> None:
+def test_smaller_amplitude_needs_more_time_to_break_away_on_average() -> None:
     waited = []
     for amplitude in (120.0, 195.0):
         plan = planned_tests(Campaign(joint=KNEE, seed=1))[-1]
@@ -122,7 +122,7 @@ def test_same_seed_gives_the_same_campaign_bit_for_bit() -> None:
     assert first.variation != other.variation and first.noise_seed != other.noise_seed
 
 
-def test_tests_of_a_campaign_differ_by_chance() -> None:
+def test_tests_of_a_campaign_differ_randomly() -> None:
     plans = planned_tests(Campaign(joint=KNEE))
     assert len({plan.noise_seed for plan in plans}) == 45
     ratios = [plan.variation.friction_ratio for plan in plans]
@@ -149,7 +149,7 @@ def logs_of(plans: Sequence[PlannedTest], folder: Path) -> list[Path]:
     return paths
 
 
-def test_reader_of_the_identification_finds_the_friction_that_was_put_in(tmp_path: Path) -> None:
+def test_reader_of_the_identification_recovers_the_simulated_friction(tmp_path: Path) -> None:
     plans = planned_tests(Campaign(joint=KNEE, protocol=Protocol.TWO_WAY, seed=2))[::11]
     bench = BenchSetup(actuator=KNEE_ACTUATOR)
     for path, plan in zip(logs_of(plans, tmp_path), plans, strict=True):
@@ -159,7 +159,7 @@ def test_reader_of_the_identification_finds_the_friction_that_was_put_in(tmp_pat
         truth = plan.variation.friction_ratio * friction_bench.rotational(test.velocity, friction_bench.KNEE)
         error = (test.torque - truth)[test.used]
         assert test.used.sum() > 300
-        # The ripple of 0.3 N m has an RMS of 0.21; the offset of the current adds K_t τ times itself.
+        # The ripple of 0.3 N·m has an RMS of 0.21; the offset of the current adds K_t τ times itself.
         offset = abs(plan.variation.current_offset) * 7.05
         assert np.sqrt(np.mean(error**2)) < 0.26 + offset
         assert abs(error.mean()) < 0.05 + offset
@@ -171,20 +171,20 @@ def test_bench_and_identification_assume_the_same_bench() -> None:
     assert_allclose(bench.inertia(2.5), KNEE_ACTUATOR.armature + link.total_inertia)
 
 
-def test_existing_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
+def test_existing_folder_is_refused_and_unchanged(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("keep")
     with raises(RunDirectoryError, tmp_path, "--out", "--force"):
         run_campaign(Campaign(joint=KNEE), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_stopped_campaign_keeps_the_logs_so_far_and_says_so(tmp_path: Path) -> None:
-    asked = iter([False, False, True])
+def test_stopped_campaign_keeps_its_logs_and_is_marked_interrupted(tmp_path: Path) -> None:
+    stops = iter([False, False, True])
     seen: list[tuple[int, int]] = []
     result = run_campaign(
         Campaign(joint=KNEE),
         tmp_path / "some",
-        should_stop=lambda: next(asked),
+        should_stop=lambda: next(stops),
         progress=lambda done, total: seen.append((done, total)),
     )
     assert result["status"] is RunStatus.INTERRUPTED and seen == [(1, 45), (2, 45)]

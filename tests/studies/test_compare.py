@@ -1,4 +1,4 @@
-"""Controllers beside each other: numbers, words, folder, and what the simulation says of known effects."""
+"""Tests of the comparison of controllers: numbers, texts, folder, and known effects in the simulation."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def with_effort(experiment: Experiment, effort: float) -> Experiment:
     patient = experiment.patient
     conditions = {
         # Without effort a strength would do nothing, which warns.
-        place: replace(item, effort=effort, strength=item.strength if effort else 1.0)
-        for place, item in patient.conditions.items()
+        side: replace(item, effort=effort, strength=item.strength if effort else 1.0)
+        for side, item in patient.conditions.items()
     }
     return replace(experiment, patient=replace(patient, conditions=conditions))
 
@@ -136,7 +136,7 @@ def test_interval_of_three_by_hand():
         ("treadmill", [], 0, ("seeds", "1", "0")),
     ],
 )
-def test_what_cannot_be_compared_is_refused(preset, settings, seeds, message):
+def test_incomparable_runs_are_refused(preset, settings, seeds, message):
     with raises(ParameterError, *message):
         compare(load_experiment(preset, settings).experiment, find_controllers(["table"]), seeds=seeds)
 
@@ -148,7 +148,7 @@ def test_stop_leaves_nothing():
 # ---------------------------------------------------------------- numbers
 
 
-def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
+def test_effort_is_the_wearers_torque_without_the_passive_part(stroke):
     """Recomputed for single ticks: the log less passive moment and catch, law by law."""
     log = stroke.runs["table"].log
     for tick in (150, 4321, 15_000):
@@ -162,7 +162,7 @@ def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
         assert row["left_knee_voluntary_torque_Nm"] == pytest.approx(rest, abs=1e-9)
 
 
-def test_wearer_without_effort_gives_no_voluntary_power_though_the_tissue_takes_some():
+def test_wearer_without_effort_has_no_voluntary_power_but_passive_losses():
     run = simulate(walk("complete_sci", 12.0))
     numbers, summary = run_measures(run), summarise_run(run)
     assert numbers["voluntary_power_W"] == 0.0 == summary["power"]["voluntary_W"]
@@ -189,24 +189,24 @@ def test_numbers_agree_with_the_log_by_another_way(stroke):
     )
     assert numbers["current_rms_share"] == pytest.approx(hottest)
     works = {
-        who: sum(numbers[f"{side}_{joint}_{who}_work_J"] for side in Side for joint in ("hip", "knee"))
-        for who in ("wearer", "device")
+        source: sum(numbers[f"{side}_{joint}_{source}_work_J"] for side in Side for joint in ("hip", "knee"))
+        for source in ("wearer", "device")
     }
     assert numbers["wearer_work_share"] == pytest.approx(works["wearer"] / sum(works.values()))
 
 
-def test_full_assistance_is_what_was_set(stroke):
+def test_full_assistance_equals_the_setting(stroke):
     assert run_measures(stroke.runs["table"])["assistance_level"] == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.slow
 @pytest.mark.compile
-def test_assistance_in_part_is_what_was_set():
+def test_partial_assistance_equals_the_setting():
     partly = run_measures(simulate(CONTROLLERS["twincare"].apply_to(walk("stroke_left", 20.0))))
     assert partly["assistance_level"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
 
 
-def test_fall_has_no_gait_but_its_time(stroke):
+def test_fall_has_only_its_time_and_no_gait_measures(stroke):
     numbers = run_measures(stroke.runs["transparent"])
     assert set(numbers) == {"walked", "walked_s"}
     assert numbers["walked"] == 0.0 and 0.5 < numbers["walked_s"] < 5.0
@@ -226,7 +226,7 @@ def test_position_tracking_does_more_on_the_hip_than_the_table_and_costs_more(st
             assert position.mean - position.half_width > table.mean + table.half_width, number
 
 
-def test_hemiparesis_shows_asymmetry_and_a_healthy_walk_none(stroke):
+def test_hemiparesis_is_asymmetric_and_a_healthy_walk_is_not(stroke):
     """The weak left hip moves less than the right one; sound legs move more alike."""
     lame = stroke.interval("table", "hip_range_symmetry")
     sound = compare(walk("healthy", 20.0), find_controllers(["table"]), seeds=SEEDS).interval(
@@ -268,7 +268,7 @@ def test_more_effort_less_assistance_under_assist_as_needed():
         ),
     ],
 )
-def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
+def test_predetermined_path_is_walked_as_documented(settings, walks):
     run = simulate(
         load_experiment("treadmill", ["control.mode=position", "duration_s=20", *settings]).experiment
     )
@@ -281,7 +281,7 @@ def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
 
 @pytest.mark.slow
 @pytest.mark.compile
-def test_effort_changes_little_in_what_position_tracking_does():
+def test_effort_has_little_influence_on_position_tracking():
     """Day by day: the path is predetermined, and a wearer who works disturbs it by some of the effort."""
     found = [
         compare(
@@ -340,7 +340,7 @@ class _Cells(HTMLParser):
             self.rows[-1][-1] += data
 
 
-def test_folder_holds_a_page_that_needs_nothing_else(stroke, tmp_path):
+def test_folder_contains_a_self_contained_page(stroke, tmp_path):
     out = tmp_path / "folder"
     write_comparison(stroke, "stroke_left", out)
     page = _Cells()
@@ -419,7 +419,7 @@ def test_names_in_the_help_are_the_controllers():
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to print with")
-def test_report_prints_on_one_page_and_is_readable_on_dark_ground(stroke, tmp_path):
+def test_report_prints_on_one_page_and_is_readable_on_dark_background(stroke, tmp_path):
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     write_comparison(stroke, "stroke_left", tmp_path / "folder")
     with playwright.sync_playwright() as driver:

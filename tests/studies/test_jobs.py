@@ -50,24 +50,24 @@ def test_results_come_in_the_order_of_the_items(workers):
 
 def backwards(items: Sequence[int]) -> Iterator[tuple[int, tuple[int, int]]]:
     """Of each item its square and how many it came with, the last one first."""
-    for place, number in reversed(list(enumerate(items))):
+    for index, number in reversed(list(enumerate(items))):
         if number < 0:
-            raise JobError(place, f"{number} is negative")
-        yield place, (number * number, len(items))
+            raise JobError(index, f"{number} is negative")
+        yield index, (number * number, len(items))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_blocks_come_in_the_order_of_their_items_and_progress_counts_these(workers):
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     found = run_blocks(
         backwards,
         range(100),
         block=32,
         workers=workers,
-        progress=lambda *counts: told.append(counts),
+        progress=lambda *counts: reported.append(counts),
     )
     assert found == [(number * number, 25) for number in range(100)]
-    assert told == [(done, 100) for done in (25, 50, 75, 100)]
+    assert reported == [(done, 100) for done in (25, 50, 75, 100)]
     with raises(JobError, "job 70", "-7"):
         run_blocks(backwards, [*range(70), -7, *range(29)], block=32, workers=workers)
 
@@ -93,14 +93,14 @@ def test_a_job_that_fails_is_named_with_its_index(workers):
     assert (error.value.index, error.value.problem) == (2, "3 is below 4")
 
 
-def test_what_came_before_a_failure_can_be_kept():
+def test_results_before_a_failure_can_be_kept():
     kept: dict[int, tuple[int, int]] = {}
     with raises(JobError, "job 1", "-3"):
         run_blocks(backwards, [6, -3, 5, 9], block=4, on_results=kept.update)
     assert kept == {2: (25, 4), 3: (81, 4)}
 
 
-def test_processes_stay_from_one_call_to_the_next_and_end_with_their_context():
+def test_worker_processes_are_reused_between_calls_and_end_with_their_context():
     with Workers(1) as alone:
         assert run_jobs(process_of, [0], workers=alone) == [os.getpid()]
     with Workers(2) as workers:
@@ -119,11 +119,11 @@ def test_a_worker_that_dies_ends_the_work_with_one_line():
         assert run_jobs(square, [2, 3], workers=workers) == [4, 9]  # with new processes
 
 
-def test_a_slip_in_the_name_of_an_argument_is_an_error():
+def test_a_misspelt_argument_is_an_error():
     with raises(TypeError, "worker"):
         run_jobs(str, [1], worker=2)
 
 
-def test_no_workers_are_refused():
+def test_zero_workers_are_refused():
     with raises(ParameterError, "workers", "1", "0"):
         run_jobs(square, [1], workers=0)

@@ -34,18 +34,18 @@ def way_of(run) -> float:
     return float(way[-1] - way[0])
 
 
-def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
+def test_no_case_of_a_tuning_changes_a_missing_belt():
     experiment = floor()
     assert not [name for name in build_cases(experiment, "robust") if "belt" in name]
     assert draw_sample(experiment, 1).scenario == experiment.scenario
 
 
-def test_what_needs_a_belt_is_refused():
+def test_studies_that_need_a_belt_are_refused():
     with raises(ParameterError, "overground", "--robust"):
         tune(floor(), TuningSettings(robust=True))
 
 
-def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
+def test_a_walk_with_crutches_is_also_rated_by_distance_and_crutch_load():
     run = simulate(floor("duration_s=8"))
     rated = rate_walk(run)
     lacking = 0.3 * 8.0 - way_of(run)
@@ -58,7 +58,7 @@ def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
     )
 
 
-def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(tmp_path):
+def test_a_sweep_with_operating_modes_has_the_values_of_each_run_summary(tmp_path):
     rising = load_experiment("sit_to_stand", ["duration_s=1"]).experiment
     row = simulate_batch(rising, [{}]).iloc[0]
     whole = summarise_run(simulate(rising))
@@ -75,7 +75,7 @@ def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(t
 
 
 @pytest.mark.slow  # half a minute of walking, in a loop of its own for every controller
-def test_controllers_are_compared_on_the_floor():
+def test_controllers_are_compared_overground():
     found = compare(floor("duration_s=12"), find_controllers(["table", "gravity"]))
     table, gravity = (found.table[found.table["controller"] == name].iloc[0] for name in ("table", "gravity"))
     assert table["walked"] == 1.0 and gravity["walked"] == 0.0 and gravity["walked_s"] < 4.0
@@ -85,7 +85,7 @@ def test_controllers_are_compared_on_the_floor():
 
 
 @pytest.mark.slow  # compiles the loop of the lanes
-def test_in_lockstep_each_wearer_on_the_floor_walks_as_alone():
+def test_in_lockstep_each_overground_walk_equals_its_single_run():
     given = [
         floor(f"patient.mass_kg={60 + 2 * number}", "duration_s=1.5") for number in range(MIN_BLOCK_SIZE)
     ]

@@ -29,14 +29,14 @@ def base():
 
 
 @pytest.mark.parametrize("override", OVERRIDES, ids=lambda override: next(iter(override)))
-def test_an_override_gives_what_a_setting_of_the_whole_file_gives(base, override):
+def test_an_override_equals_a_setting_of_the_whole_file(base, override):
     texts = [
         f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in override.items()
     ]
     assert apply_override(base, override) == load_experiment("treadmill", texts).experiment
 
 
-def test_what_an_override_does_not_touch_is_not_converted_again(base):
+def test_an_override_converts_only_the_changed_values(base):
     found, experiment = apply_override(base, {"plant.actuators.knee.gear_ratio": 120}), base.experiment
     untouched = ("scenario", "leg", "table", "patient", "control", "sensors")
     assert all(getattr(found, name) is getattr(experiment, name) for name in untouched)
@@ -49,7 +49,7 @@ def test_what_an_override_does_not_touch_is_not_converted_again(base):
     assert same == set(experiment.table.phases) - {"late_stance"}
 
 
-def test_a_table_for_other_joints_takes_no_phase_from_the_old_one(base):
+def test_a_table_for_other_joints_inherits_no_phase_from_the_old_one(base):
     document = {**base.document, "table": {**base.document["table"], "joints": ["hip", "foot"]}}
     with raises(Exception, "phases.early_stance.knee"):
         experiment_from_mapping(document, "override", None, base)

@@ -26,7 +26,7 @@ from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import run_episodes
 from twin_gait.worlds.faults import FaultKind
 
-BOUND = 10.0  # [N m]
+BOUND = 10.0  # [N·m]
 
 
 def runaways(experiment, count: int, seed: int) -> pd.DataFrame:
@@ -110,7 +110,7 @@ def test_random_walks_stay_far_from_the_bound(count):
     "network", ["can", "{impedance: ccu, delay_ms: 2}", "{loss: 0.1, jitter_us: 700, delay_ms: 3}"]
 )
 def test_a_walk_over_a_bus_stays_far_from_the_bound(network):
-    """Log columns are of the gait controller there, so that a tight bound says it."""
+    """Log columns come from the gait controller here, so that a tight bound shows a difference."""
     settings = ["duration_s=6", f"network={network}", f"control.safety.command_deviation_Nm={0.2 * BOUND}"]
     assert simulate(load_experiment("treadmill", settings).experiment).trip is None
 

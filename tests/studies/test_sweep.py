@@ -58,7 +58,7 @@ def swept(tmp_path_factory):
     return spec, folder / "out"
 
 
-def test_a_row_is_what_simulate_gives_with_the_same_settings(swept):
+def test_a_row_equals_simulate_with_the_same_settings(swept):
     table = read_table(swept[1] / "table.parquet")
     assert table["episode"].tolist() == list(range(12))
     row = table.iloc[5]
@@ -87,25 +87,25 @@ def test_a_sweep_has_the_table_of_a_batch_of_its_design(swept):
 
 def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specification(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    there = tmp_path / "there"
-    there.mkdir()
-    (there / "mine.yaml").write_text(
+    folder = tmp_path / "there"
+    folder.mkdir()
+    (folder / "mine.yaml").write_text(
         "extends: treadmill\nphases: {middle_stance: {minimum_duration_ms: 30}}\n"
     )
-    (there / "who.yaml").write_text("mass_kg: 80\n")
+    (folder / "who.yaml").write_text("mass_kg: 80\n")
     levels = {
         "table": ["treadmill_pre_swing", "mine.yaml"],
         "patient": ["who.yaml"],
         "patient.height_m": [1.8],
     }
     more = {"experiment": "treadmill", "settings": {"duration_s": 0.1}, "measures": []}
-    spec = write_spec(there / "spec.yaml", method="grid", samples=None, parameters=levels, **more)
+    spec = write_spec(folder / "spec.yaml", method="grid", samples=None, parameters=levels, **more)
     sweep = load_sweep(spec)
-    (there / "who.yaml").write_text("mass_kg: 60\n")  # after it was read
+    (folder / "who.yaml").write_text("mass_kg: 60\n")  # after it was read
     document = json.dumps(sweep.document)
     for number, table in enumerate(levels["table"]):
         found = sweep.maker()((number, sweep.overrides[number]))
-        path = str(there / table) if table.endswith(".yaml") else table
+        path = str(folder / table) if table.endswith(".yaml") else table
         settings = [f"table={path}", "patient.height_m=1.8", "duration_s=0.1"]
         expected = load_experiment("treadmill", settings).experiment
         assert (
@@ -161,7 +161,7 @@ def test_a_sweep_that_was_moved_has_its_own_files_with_it(tmp_path, monkeypatch)
     assert_same(run_sweep(again, moved, pictures=False).table, table)
 
 
-def test_a_sweep_does_not_go_on_with_another_file_of_the_same_name(tmp_path):
+def test_a_sweep_does_not_resume_with_another_file_of_the_same_name(tmp_path):
     lab, out = tmp_path / "lab", tmp_path / "out"
     own_robots(lab)
     run_sweep(load_sweep(lab / "spec.yaml"), out, pictures=False)
@@ -194,7 +194,7 @@ def test_the_specification_in_the_folder_gives_the_same_sweep(swept, tmp_path):
     assert_same(run_sweep(again, tmp_path / "again", pictures=False).table, read_table(out / "table.parquet"))
 
 
-def test_going_on_with_a_finished_sweep_changes_nothing(swept, capsys):
+def test_resuming_a_finished_sweep_changes_nothing(swept, capsys):
     spec, out = swept
     before = (out / "table.parquet").read_bytes()
     assert main(["sweep", str(spec), "--out", str(out), "--workers", "1", "--no-pictures"]) == 0
@@ -202,7 +202,7 @@ def test_going_on_with_a_finished_sweep_changes_nothing(swept, capsys):
     assert (out / "table.parquet").read_bytes() == before
 
 
-def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
+def test_stopping_and_resuming_gives_the_same_table(swept, tmp_path):
     sweep, out = load_sweep(swept[0]), tmp_path / "out"
     done = []
     for _ in range(20):
@@ -276,7 +276,7 @@ RANGE = {"from": 5, "to": 30}
 BAD = {
     "unknown key": ({"metod": "grid"}, [], "metod: unknown key; did you mean 'method'"),
     "unknown method": ({"method": "random"}, [], "method: .*'random'"),
-    "no such experiment": ({"experiment": "moonwalk"}, [], "moonwalk: neither a preset"),
+    "no such experiment": ({"experiment": "moonwalk"}, [], "moonwalk: there is no such preset or file"),
     "misspelt parameter": (
         {"parameters": {"scenario.start.hip_dg": RANGE}},
         [],
@@ -300,31 +300,31 @@ BAD = {
     "falling range": (
         {"parameters": {HIP: {"from": 5, "to": 4}}},
         [],
-        f"parameters.{HIP}: expected from below to",
+        f"parameters.{HIP}: expected from to be below to",
     ),
     "not a range": ({"parameters": {HIP: 5}}, [], f"parameters.{HIP}: expected a list.*got 5"),
     "no parameters": ({"parameters": {}}, [], "parameters: is missing or empty"),
-    "no samples": ({"samples": None}, [], "samples: is missing or empty; method latin_hypercube needs it"),
+    "no samples": ({"samples": None}, [], "samples: is missing or empty; the method latin_hypercube requires it"),
     "no count": ({"method": "grid", "samples": None}, [], f"parameters.{HIP}: expected a count"),
-    "samples of a grid": ({"method": "grid"}, [], "samples: method grid does not use it"),
+    "samples of a grid": ({"method": "grid"}, [], "samples: the method grid does not use it"),
     "list of parameters": ({"method": "list", "samples": None}, [], "episodes: is missing"),
-    "both": ({"episodes": [{}]}, [], "episodes: method latin_hypercube does not use it"),
+    "both": ({"episodes": [{}]}, [], "episodes: the method latin_hypercube does not use it"),
     "date": ({"parameters": {HIP: ["2026-01-01"]}}, [], r"episode \d+: scenario.*hip_deg.*2026-01-01"),
     "negative seed": ({"seed": -1}, [], "seed: .*-1"),
     "no gait table": (
         {"parameters": {"table": ["mine"]}},
         [],
-        "spec.yaml: table: no gait table 'mine': neither a file nor one of .*sup_2009",
+        "spec.yaml: table: there is no gait table 'mine'; expected the path .*sup_2009",
     ),
-    "no person": ({"parameters": {"patient": ["me"]}}, [], "spec.yaml: patient: no person 'me'"),
+    "no person": ({"parameters": {"patient": ["me"]}}, [], "spec.yaml: patient: there is no person 'me'"),
     "wrong setting": ({"settings": {"patient.mas_kg": 70}}, [], "mas_kg"),
-    "no measure": ({"measures": ["happiness"]}, [], "measures: no measure 'happiness'"),
-    "text to draw": ({"measures": ["outcome"]}, [], "measures: no measure 'outcome'"),
+    "no measure": ({"measures": ["happiness"]}, [], "measures: there is no measure 'happiness'"),
+    "text to draw": ({"measures": ["outcome"]}, [], "measures: there is no measure 'outcome'"),
     "zero workers": ({}, ["--workers", "0"], "--workers: expected 1 or more, got 0"),
     "workers and scheduler": (
         {},
         ["--workers", "2", "--scheduler", "tcp://h:1"],
-        "--workers: does not go with",
+        "--workers: leave it out",
     ),
     "wrong --set": ({}, ["--set", "nonsense"], "expected key=value"),
 }
@@ -343,7 +343,7 @@ def test_bad_input_is_one_line_status_2_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == [spec]
 
 
-def test_folders_that_are_no_sweeps_are_left_alone(tmp_path, capsys):
+def test_folders_without_a_sweep_are_left_unchanged(tmp_path, capsys):
     spec = write_spec(tmp_path / "spec.yaml")
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.png").touch()
@@ -362,7 +362,7 @@ def test_workers_check_a_long_sweep(tmp_path, monkeypatch):
         check_sweep(load_sweep(spec), workers)
 
 
-def test_an_experiment_beside_the_specification_is_found_from_any_folder(tmp_path, monkeypatch):
+def test_an_experiment_next_to_the_specification_is_found_from_any_folder(tmp_path, monkeypatch):
     document = load_experiment("bench_leg", ["plant.gravity_m_per_s2=3.7"]).document
     (tmp_path / "moon.yaml").write_text(dump_yaml(document))
     spec = write_spec(tmp_path / "spec.yaml", experiment="moon.yaml")
@@ -385,11 +385,11 @@ def test_the_example_is_a_sweep_of_320_walks():
         check_sweep(sweep_from_mapping(entries, "comment", Path()), Workers())
 
 
-def test_the_example_draws_all_that_it_asks_for():
+def test_the_example_draws_all_requested_figures():
     sweep = load_sweep(EXAMPLE)
     # 75 kg, 1.80 m, a middle belt, 60 % support: a walk that completes
-    place = (75, 1.80, 0.38, 0.6)
-    (episode,) = (item for item in enumerate(sweep.overrides) if np.allclose([*item[1].values()], place))
+    values = (75, 1.80, 0.38, 0.6)
+    (episode,) = (item for item in enumerate(sweep.overrides) if np.allclose([*item[1].values()], values))
     row = flat_summary(simulate(sweep.maker()(episode)))
     assert row["status"] == "completed"
     assert all(np.isfinite(row[name]) for name in sweep.document["measures"])
@@ -400,7 +400,7 @@ def test_a_measure_that_cannot_be_drawn_is_named(tmp_path, capsys):
     spec = write_spec(tmp_path / "spec.yaml", measures=wanted)
     assert main(["sweep", str(spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
     shown = capsys.readouterr().out
-    assert "not drawn, because no completed episode has it: right_stride_time_mean_s\n" in shown
+    assert "not drawn, because no completed episode has this value: right_stride_time_mean_s\n" in shown
 
 
 def read_yaml_text(text: str) -> dict[str, object]:
@@ -447,7 +447,7 @@ def test_bins_hold_every_episode_and_the_last_value():
     assert parameter_axis(pd.DataFrame({"a": [1.0, 1.0]}), "a") is None
 
 
-def test_numbers_beside_an_axis_are_written_out():
+def test_tick_labels_have_no_exponents():
     assert level_names(parameter_axis(pd.DataFrame({"a": [20000.0, 300000.0]}), "a")) == ["20000", "300000"]
 
 

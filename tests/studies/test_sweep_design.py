@@ -90,6 +90,6 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("make", "message"), WRONG.values(), ids=WRONG.keys())
-def test_a_senseless_design_is_refused(make, message):
+def test_an_inconsistent_design_is_refused(make, message):
     with raises(TwinGaitError, *message):
         make()

@@ -39,7 +39,7 @@ def parts_beyond(out, count):
     return parts_of(out) > count
 
 
-def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undisturbed, tmp_path):
+def test_a_sweep_killed_ten_times_and_resumed_equals_an_uninterrupted_one(spec, undisturbed, tmp_path):
     out, moments = tmp_path / "sweep", np.random.default_rng(7)
     command = [spec, "--out", out, "--no-pictures"]
     kept: set[int] = set()
@@ -68,7 +68,7 @@ def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undi
 
 
 @pytest.mark.parametrize(("workers", "parts"), [(1, 3), (2, 0)], ids=["at work", "workers starting"])
-def test_ctrl_c_keeps_what_is_done_and_ends_with_130(workers, parts, spec, undisturbed, tmp_path):
+def test_ctrl_c_keeps_finished_episodes_and_ends_with_130(workers, parts, spec, undisturbed, tmp_path):
     out = tmp_path / "sweep"
     command = [spec, "--out", out, "--no-pictures", "--workers", workers]
     process = start_sweep(*command, errors=tmp_path / "errors")
@@ -76,8 +76,8 @@ def test_ctrl_c_keeps_what_is_done_and_ends_with_130(workers, parts, spec, undis
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     process.join(60)
     assert process.exitcode == 130
-    told = f"twin-gait: interrupted; the same command goes on from there: {out}\n"
-    assert (tmp_path / "errors").read_text() == told
+    message = f"twin-gait: interrupted; the same command resumes the sweep in {out}\n"
+    assert (tmp_path / "errors").read_text() == message
     table = read_table(out / "table.parquet")
     assert parts < len(table) < EPISODES
     first = undisturbed.iloc[: len(table)]
@@ -101,7 +101,7 @@ def has_members(group):
     return True
 
 
-def test_two_at_a_time_are_refused(spec, tmp_path):
+def test_two_processes_at_a_time_are_refused(spec, tmp_path):
     out = tmp_path / "sweep"
     process = start_sweep(spec, "--out", out, "--workers", 1)
     try:
@@ -109,7 +109,7 @@ def test_two_at_a_time_are_refused(spec, tmp_path):
         second = start_sweep(spec, "--out", out, "--workers", 1, errors=tmp_path / "errors")
         second.join(60)
         assert second.exitcode == 2
-        told = f"twin-gait: {out}: another process is at work on this sweep\n"
-        assert (tmp_path / "errors").read_text() == told
+        message = f"twin-gait: {out}: another process is running this sweep\n"
+        assert (tmp_path / "errors").read_text() == message
     finally:
         kill_group(process)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from errors import raises
+from errors import raises, states
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,7 +64,7 @@ def _parse(document: Mapping[str, Any]) -> GaitTable:
 # ---------------------------------------------------------------------- numbers
 
 
-def test_every_phase_and_joint_has_its_four_numbers_and_more_where_asked(shipped: GaitTable) -> None:
+def test_every_phase_and_joint_has_four_parameters_and_optional_ones_on_request(shipped: GaitTable) -> None:
     bare = tunable_parameters(shipped, thresholds=False, blending=False)
     assert len(bare) == 4 * 5 * 2
     more = {item.name for item in tunable_parameters(shipped)} - {item.name for item in bare}
@@ -74,7 +74,7 @@ def test_every_phase_and_joint_has_its_four_numbers_and_more_where_asked(shipped
     assert "blending.duration_ms" in more
 
 
-def test_the_start_gives_the_table_that_it_began_with(shipped: GaitTable) -> None:
+def test_the_start_point_gives_the_initial_table(shipped: GaitTable) -> None:
     parameters = tunable_parameters(shipped)
     start = [item.start_coordinate for item in parameters]
     again = _parse(apply_coordinates(editable_document(shipped), parameters, start))
@@ -113,7 +113,7 @@ def _leaves(node: Any, path: tuple[Any, ...] = ()) -> dict[tuple[Any, ...], Any]
     return {path: node}
 
 
-def test_a_side_of_its_own_has_numbers_of_its_own(shipped: GaitTable) -> None:
+def test_a_separate_side_has_separate_parameters(shipped: GaitTable) -> None:
     document = table_document(shipped)
     document["sides"] = {"left": {"swing_flexion": {"knee": {"equilibrium_rad": 0.9}}}}
     lopsided = _parse(document)
@@ -126,7 +126,7 @@ def test_a_side_of_its_own_has_numbers_of_its_own(shipped: GaitTable) -> None:
     assert math.degrees(found) == pytest.approx(own.upper, abs=0.05)
 
 
-def test_legs_told_apart_have_numbers_of_their_own(shipped: GaitTable) -> None:
+def test_separately_tuned_legs_have_separate_parameters(shipped: GaitTable) -> None:
     apart = split_sides(shipped)
     assert all(apart.phases_of(side) == shipped.phases_of(side) for side in Side)
     parameters = tunable_parameters(apart, thresholds=False, blending=False)
@@ -182,7 +182,7 @@ def test_a_goal_that_is_missed_costs_more_than_one_that_is_surpassed_saves() -> 
 
 
 @given(st.lists(st.floats(0.0, 1e3), min_size=2, max_size=2))
-def test_of_two_walks_the_worse_costs_more_and_any_fall_the_most(errors: list[float]) -> None:
+def test_the_worse_of_two_walks_costs_more_and_any_fall_the_most(errors: list[float]) -> None:
     better, worse = (
         nominal_cost(_walk_with({**AT_GOAL, "hip_error_deg": error})) for error in sorted(errors)
     )
@@ -190,8 +190,8 @@ def test_of_two_walks_the_worse_costs_more_and_any_fall_the_most(errors: list[fl
     assert nominal_cost(Rating(walk_cost({}, 1.0, True, JOINTS), {}, True, 1.0)) >= WORST
 
 
-def test_residuals_are_what_the_cost_is_made_of() -> None:
-    """With errors that are told by two deviations their squares add up to the cost."""
+def test_residuals_add_up_to_the_cost() -> None:
+    """If errors consist of two deviations, their squares add up to the cost."""
     values = {**AT_GOAL, "hip_error_deg": 5.0, "torque_jump_Nm": 9.0, "scuffs_per_stride": None}
     walk = Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, (5.0 / 4.0, 1.0))
     found = residuals(walk)
@@ -220,7 +220,7 @@ def test_a_fall_costs_more_than_any_walk_and_less_the_later_it_comes(lasted: flo
     assert WORST <= costs[1] <= costs[0] <= FALL
 
 
-def test_standing_about_costs_as_much_as_the_worst_walk() -> None:
+def test_standing_costs_as_much_as_the_worst_walk() -> None:
     assert walk_cost({**AT_GOAL, "knee_error_deg": None}, 1.0, False, JOINTS) == WORST
 
 
@@ -233,7 +233,9 @@ def test_a_part_is_better_traded_or_the_same(before: float | None, after: float,
 
 
 def test_finalists_come_from_all_stretches_of_the_search_the_latest_first() -> None:
-    at = [Generation([place], 9.0 - place, []) for place in (0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 4.0)]
+    at = [
+        Generation([coordinate], 9.0 - coordinate, []) for coordinate in (0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 4.0)
+    ]
     assert [item.point for item in stages.leaders(at, 3)] == [[4.0], [2.0], [0.0]]
     assert [item.point for item in stages.leaders(at[:3], 5)] == [[1.0], [0.0]]
 
@@ -249,7 +251,7 @@ def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
 # ---------------------------------------------------------------------- cases
 
 
-def test_another_mass_is_unknown_to_the_device() -> None:
+def test_another_mass_does_not_change_the_device_parameters() -> None:
     nominal = load_experiment("treadmill").experiment
     stiffness = scaled_table(nominal, nominal.build_world()).phases
     cases = build_cases(nominal, "robust")
@@ -263,7 +265,7 @@ def test_another_mass_is_unknown_to_the_device() -> None:
                 assert found[phase].joints[joint].stiffness == pytest.approx(impedance.stiffness, rel=1e-9)
 
 
-def test_the_robust_set_covers_what_it_promises() -> None:
+def test_the_robust_set_contains_the_documented_cases() -> None:
     nominal = load_experiment("treadmill").experiment
     worlds = list((build_cases(nominal, "robust") | build_cases(nominal, "search")).values())
     ratios = {ratio for world in worlds for ratio in world.plant.friction_ratio.values()}
@@ -275,10 +277,10 @@ def test_the_robust_set_covers_what_it_promises() -> None:
     assert worlds[0] == nominal
 
 
-def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
-    told = Patient(mass=80.0, height=1.8)
+def test_the_corners_are_other_wearers_with_matching_device_parameters() -> None:
+    assumed = Patient(mass=80.0, height=1.8)
     nominal = load_experiment("treadmill").experiment
-    nominal = replace(nominal, control=replace(nominal.control, patient=told))
+    nominal = replace(nominal, control=replace(nominal.control, patient=assumed))
     worlds = list(build_cases(nominal, "corners").values())
     reached = [
         (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
@@ -332,7 +334,7 @@ def test_the_search_finds_the_bottom_of_a_valley() -> None:
     assert _searched(_begun(), 20).cost < 1e-3 * begun
 
 
-def test_the_slopes_of_a_plane_are_found_and_led_down() -> None:
+def test_the_slopes_of_a_plane_are_found_and_descended() -> None:
     plane, at = np.array([[2.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.array([0.5, 0.5, 0.5])
     own = plane @ at - 1.2
     descent = Descent(at.tolist(), float(own @ own), own)
@@ -345,19 +347,19 @@ def test_the_slopes_of_a_plane_are_found_and_led_down() -> None:
     np.testing.assert_allclose(point, np.clip(at + step, 0.0, 1.0), atol=1e-6)
 
 
-def test_a_move_to_another_kind_of_gait_tells_no_slope_and_earlier_slopes_fade() -> None:
+def test_a_step_to_another_kind_of_gait_gives_no_slope_and_earlier_slopes_fade() -> None:
     descent = Descent([0.5, 0.5], 1.0, np.array([1.0, 0.0]), np.diag([4.0, 2.0]))
     descent.update_slopes(descent.neighbours(), [np.zeros(0), np.array([9.0, 0.0])])
     np.testing.assert_array_equal(descent.slopes, np.diag([2.0, 1.0]))
 
 
-def test_numbers_are_moved_up_and_down_in_turn_and_never_out_of_their_range() -> None:
+def test_parameters_are_varied_up_and_down_in_turn_within_their_range() -> None:
     descent = Descent([0.5, 0.01, 0.99], 1.0, np.ones(1))
     up = descent.neighbours()
     descent.reject_steps()
     down = descent.neighbours()
     moves = [
-        [round(point[place] - descent.point[place], 9) for place, point in enumerate(found)]
+        [round(point[index] - descent.point[index], 9) for index, point in enumerate(found)]
         for found in (up, down)
     ]
     assert moves == [[REACH, REACH, -REACH], [-0.6 * REACH, 0.6 * REACH, -0.6 * REACH]]
@@ -372,7 +374,7 @@ def test_candidates_stay_in_the_cube(at: list[float]) -> None:
         assert min(point) >= 0.0 and max(point) <= 1.0
 
 
-def test_there_is_no_chance_in_a_search() -> None:
+def test_a_search_is_deterministic() -> None:
     whole = _searched(_begun(), 9)
     np.random.seed(99)  # noqa: NPY002  # what others draw must not matter
     assert _searched(_begun(), 9).point == whole.point
@@ -415,8 +417,8 @@ class Bowl:
             knee = 4.0 + 20.0 * abs(math.log(stiffness / 3.0))
             values: dict[str, float | None] = {part.name: 0.0 for part in PARTS}
             values |= {"hip_error_deg": hip, "knee_error_deg": knee}
-            told = ((angle - 45.0) / 20.0, math.log(stiffness / 3.0))
-            results.append(Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, told))
+            residuals = ((angle - 45.0) / 20.0, math.log(stiffness / 3.0))
+            results.append(Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, residuals))
         return results
 
 
@@ -432,27 +434,27 @@ def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
 SHORT = TuningSettings(generations=3, seed=4)
 
 
-def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl) -> None:
+def test_the_influential_parameters_are_optimised(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
-    told: list[str] = []
-    result = tune(experiment, TuningSettings(generations=12), report=told.append)
+    messages: list[str] = []
+    result = tune(experiment, TuningSettings(generations=12), report=messages.append)
     best = result.ranked[0].table["phases"]["swing_flexion"]
     assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.0)
     assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.2)
     assert result.initial is not None
     assert result.ranked[0].cost < result.initial.cost
-    costs = [float(line.split("cost ")[1].split()[0]) for line in told if "search" in line]
+    costs = [float(line.split("cost ")[1].split()[0]) for line in messages if "search" in line]
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
 
 
 @pytest.mark.parametrize("walks_before", [0, 2, 60, 130, 250])
-def test_a_tuning_that_is_stopped_gives_nothing(bowl: Bowl, walks_before: int) -> None:
+def test_a_stopped_tuning_has_no_result(bowl: Bowl, walks_before: int) -> None:
     experiment = load_experiment("treadmill").experiment
     assert tune(experiment, SHORT, should_stop=lambda: bowl.walks >= walks_before) is None
 
 
-def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
+def test_only_the_best_of_a_generation_are_simulated_in_the_corners(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     portions: list[list[Experiment]] = []
 
@@ -465,16 +467,16 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
         tune(experiment, TuningSettings(generations=1))
     nominal, corners = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
-    order = sorted(range(len(nominal)), key=lambda place: nominal_cost(alone[place]))[: stages.RACED]
+    order = sorted(range(len(nominal)), key=lambda index: nominal_cost(alone[index]))[: stages.RACED]
     size = len(build_cases(experiment, "search")) - 1
     assert len(corners) == size * stages.RACED
     assert all(walk.patient == experiment.patient for walk in nominal)
     assert all(walk.patient != experiment.patient for walk in corners)
     raced = [walk.table.phases for walk in corners[::size]]
-    assert raced == [nominal[place].table.phases for place in order]
+    assert raced == [nominal[index].table.phases for index in order]
 
 
-def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
+def test_the_search_rejects_a_table_with_an_error(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages.walks, "quick_errors", lambda walked: ("unstable",))
@@ -487,25 +489,25 @@ def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "facts"),
     [
-        (["--minutes", "0"], "minutes: expected a number above 0 and at most"),
-        (["--seed", "-1"], "seed: expected a whole number from 0 to 2^64 - 1, got -1"),
-        (["--generations", "0"], "generations: expected a whole number from 1 to 100000"),
-        (["--workers", "0"], "--workers: expected 1 or more, got 0"),
-        (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
-        (["--patient", "nobody"], "no person 'nobody'"),
-        (["bench_leg"], "expected a wearer who walks"),
+        (["--minutes", "0"], ("minutes", "0")),
+        (["--seed", "-1"], ("seed", "0", "-1")),
+        (["--generations", "0"], ("generations", "1", "100000")),
+        (["--workers", "0"], ("--workers", "1", "0")),
+        (["--workers", "1", "--scheduler", "tcp://x"], ("--workers", "--scheduler")),
+        (["--patient", "nobody"], ("nobody",)),
+        (["bench_leg"], ("bench_leg",)),
     ],
 )
-def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
-    arguments: list[str], message: str, tmp_path: Path
+def test_a_mistake_is_refused_in_one_line_without_a_folder(
+    arguments: list[str], facts: tuple[str, ...], tmp_path: Path
 ) -> None:
     parser = argparse.ArgumentParser()
     command.add_parser(parser.add_subparsers())
     out = tmp_path / "out"
     with pytest.raises(TwinGaitError) as raised:
         command.tune(parser.parse_args(["tune", "--out", str(out), *arguments]))
-    assert message in str(raised.value)
+    assert states(str(raised.value), *facts)
     assert "\n" not in str(raised.value)
     assert not out.exists()

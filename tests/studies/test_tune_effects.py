@@ -53,7 +53,7 @@ def interval(values: Iterable[float | None]) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_legs_tuned_apart_walk_more_alike_after_a_stroke() -> None:
+def test_legs_tuned_separately_are_less_asymmetric_after_a_stroke() -> None:
     """Against the table that it began with, and against itself with the numbers of one leg for both."""
     shares = {}
     for name in (FIVE_PHASES, str(PER_SIDE)):
@@ -74,7 +74,7 @@ def asymmetry(experiment: Experiment) -> tuple[float, float]:
 
 @pytest.mark.parametrize("joint", ["hip", "knee"])
 def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -> None:
-    """Mass ±10 % that nobody tells the device; joints rough, or smooth; gears that lose more."""
+    """Mass ±10 % unknown to the device; joints with more or less friction; gears with higher losses."""
     experiment = load_experiment("treadmill").experiment
     cases = build_cases(experiment, "robust")
     key = f"{joint}_error_deg"

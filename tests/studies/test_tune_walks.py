@@ -105,7 +105,7 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
     assert all(value is not None and value >= 0.0 for value in values.values())
 
 
-def test_a_walk_counts_as_a_fall_where_its_outcome_says_so(walk: Run) -> None:
+def test_a_walk_counts_as_a_fall_according_to_its_outcome(walk: Run) -> None:
     """Without the verdict, which would look at all strides again."""
     limp = simulate(
         replace(
@@ -134,8 +134,8 @@ def _distances(walk: Run, side: Side, joint: str) -> np.ndarray:
     angle = np.degrees(walk.log[f"{side}_{joint}_angle_rad"].to_numpy())
     percent = np.arange(100.0)  # 100 % belongs to the next stride
     reference = np.degrees(reference_curve(JointName(joint), percent, speed=speed, height=1.75))
-    places = [start + percent / 100.0 * (end - start) for start, end in itertools.pairwise(strikes[2:])]
-    return np.array([np.interp(place, np.arange(len(angle)), angle) - reference for place in places])
+    instants = [start + percent / 100.0 * (end - start) for start, end in itertools.pairwise(strikes[2:])]
+    return np.array([np.interp(instant, np.arange(len(angle)), angle) - reference for instant in instants])
 
 
 def _error(walk: Run, joint: str) -> float:
@@ -162,7 +162,7 @@ def test_the_quick_rules_find_an_error_of_a_table() -> None:
     assert quick_errors(replace(experiment, table=table_from_document(table)))
 
 
-def test_walks_do_not_depend_on_who_walks_nor_on_which_columns_are_kept() -> None:
+def test_walks_depend_neither_on_the_worker_nor_on_the_stored_columns() -> None:
     experiment = replace(load_experiment("treadmill").experiment, duration=10.0)
     cases = build_cases(experiment, "robust")
     walks = [cases[name] for name in ("nominal", "bus 23 V", "belt −10 %")]
@@ -210,7 +210,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def told(folder: Path) -> dict[str, Any]:
+def tuning_document(folder: Path) -> dict[str, Any]:
     document: dict[str, Any] = json.loads((folder / "tune.json").read_text())
     return document
 
@@ -226,36 +226,38 @@ def test_the_folder_is_whole(folder: Path) -> None:
     }
 
 
-def test_the_table_that_is_written_is_the_one_that_walked(folder: Path, told: dict[str, Any]) -> None:
+def test_the_table_that_is_written_is_the_one_that_walked(
+    folder: Path, tuning_document: dict[str, Any]
+) -> None:
     settings = [f"table={folder / 'table.yaml'}", "duration_s=12", f"seed={SETTINGS.seed}"]
     run = simulate(load_experiment("treadmill", settings).experiment)
     again = term_values(run)
-    assert {part["name"]: part["after"] for part in told["parts"]} == again
+    assert {part["name"]: part["after"] for part in tuning_document["parts"]} == again
 
 
-def test_the_table_passes_the_check(folder: Path, told: dict[str, Any]) -> None:
+def test_the_table_passes_the_check(folder: Path, tuning_document: dict[str, Any]) -> None:
     found = counts(check(load_case(folder / "table.yaml", "treadmill")))
     assert found["errors"] == 0
-    assert {key: told["check"][key] for key in found} == found
+    assert {key: tuning_document["check"][key] for key in found} == found
 
 
-def test_the_numbers_told_are_those_of_the_table(folder: Path, told: dict[str, Any]) -> None:
+def test_reported_numbers_equal_the_table(folder: Path, tuning_document: dict[str, Any]) -> None:
     table = load_gait_table(folder / "table.yaml")
-    tuned = {item["name"]: item["tuned"] for item in told["parameters"]}
+    tuned = {item["name"]: item["tuned"] for item in tuning_document["parameters"]}
     for phase, values in table.phases.items():
         for joint, impedance in values.joints.items():
             found = tuned[f"{phase}.{joint}.equilibrium_deg"]
             assert np.degrees(impedance.equilibrium_angle) == pytest.approx(found, abs=1e-9)
     assert tuned["blending.duration_ms"] == table.blending.duration_ticks
-    assert any(item["tuned"] != item["start"] for item in told["parameters"])
+    assert any(item["tuned"] != item["start"] for item in tuning_document["parameters"])
 
 
-def test_the_costs_of_the_cases_add_up_to_that_of_the_robust_set(told: dict[str, Any]) -> None:
-    weight = told["nominal_weight"]
+def test_the_costs_of_the_cases_add_up_to_the_cost_of_the_robust_set(tuning_document: dict[str, Any]) -> None:
+    weight = tuning_document["nominal_weight"]
     for which in ("before", "after"):
-        nominal, *others = (case[which]["cost"] for case in told["robust_set"])
+        nominal, *others = (case[which]["cost"] for case in tuning_document["robust_set"])
         whole = weight * nominal + (1.0 - weight) * sum(others) / len(others)
-        assert whole == pytest.approx(told["cost"][which])
+        assert whole == pytest.approx(tuning_document["cost"][which])
 
 
 class _Page(HTMLParser):
@@ -285,15 +287,15 @@ def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
     assert "nan" not in page.text.lower()
 
 
-def test_the_summary_says_which_parts_were_traded(told: dict[str, Any]) -> None:
-    parts = [{**part, "verdict": "traded"} for part in told["parts"][:1]]
-    parts += [{**part, "verdict": "better"} for part in told["parts"][1:2]]
-    worse, better = pictures.summary({**told, "found_better": True, "parts": parts})[-2:]
+def test_the_summary_names_the_traded_parts(tuning_document: dict[str, Any]) -> None:
+    parts = [{**part, "verdict": "traded"} for part in tuning_document["parts"][:1]]
+    parts += [{**part, "verdict": "better"} for part in tuning_document["parts"][1:2]]
+    worse, better = pictures.summary({**tuning_document, "found_better": True, "parts": parts})[-2:]
     assert worse.startswith("  worse   hip error:") and better.startswith("  better  knee error:")
 
 
-def test_a_search_that_found_nothing_says_so(told: dict[str, Any]) -> None:
-    text = pictures.summary({**told, "found_better": False})[0]
+def test_a_search_without_improvement_is_reported(tuning_document: dict[str, Any]) -> None:
+    text = pictures.summary({**tuning_document, "found_better": False})[0]
     assert "table.yaml is that table" in text
 
 
@@ -302,7 +304,7 @@ def test_a_search_that_found_nothing_says_so(told: dict[str, Any]) -> None:
         lambda size: st.lists(st.lists(st.integers(0, 4), min_size=size, max_size=size), max_size=12)
     )
 )
-def test_a_compromise_is_best_where_no_other_betters_it_for_nothing(points: list[list[int]]) -> None:
+def test_a_compromise_is_best_if_no_other_dominates_it(points: list[list[int]]) -> None:
     def dominates(one: list[int], other: list[int]) -> bool:
         return one != other and all(a <= b for a, b in zip(one, other, strict=True))
 
@@ -313,7 +315,7 @@ def test_a_compromise_is_best_where_no_other_betters_it_for_nothing(points: list
     assert found.tolist() == expected
 
 
-def test_a_table_stands_by_its_nominal_walk_and_what_the_others_cost() -> None:
+def test_a_table_is_rated_by_its_nominal_walk_and_the_costs_of_the_other_cases() -> None:
     values: dict[str, float | None] = {"hip_error_deg": 3.0, "knee_error_deg": 5.0}
     nominal = Rating(5.0, values, False, 1.0, torque=20.0)
     fallen = nominal._replace(fell=True, cost=60.0)
@@ -327,15 +329,15 @@ def test_a_table_stands_by_its_nominal_walk_and_what_the_others_cost() -> None:
     ]
 
 
-def test_the_torque_of_a_walk_is_that_of_its_motors(walk: Run) -> None:
+def test_the_torque_of_a_walk_is_the_motor_torque(walk: Run) -> None:
     joints = [joint for side in summarise_run(walk)["sides"].values() for joint in side["joints"].values()]
     squares = [joint["torque_rms_Nm"] ** 2 for joint in joints]
     assert len(squares) == 4
     assert rate_walk(walk).torque == pytest.approx(np.mean(squares) ** 0.5, rel=1e-12)
 
 
-def test_the_best_compromises_and_the_chosen_table_are_drawn(told: dict[str, Any]) -> None:
-    """In both panels: candidates with an effort of 20 to 22 N m, of which one is dominated."""
+def test_the_best_compromises_and_the_chosen_table_are_drawn(tuning_document: dict[str, Any]) -> None:
+    """In both panels: candidates with an effort of 20 to 22 N·m, of which one is dominated."""
     tried = [[6.0, 20.0, 9.0], [5.0, 22.0, 8.0], [6.5, 21.0, 9.0], [4.0, 25.0, None], [None, None, 3.0]]
     figure = pictures.draw_trade_offs(
         {"candidates": tried, "before": [9.0, 24.0, 9.5], "after": tried[1]}, JOINTS
@@ -349,8 +351,8 @@ def test_the_best_compromises_and_the_chosen_table_are_drawn(told: dict[str, Any
             (item[column], item[0]) for item in tried[:2]
         )
         assert shown["chosen"] == [(tried[1][column], 5.0)]
-    own = [item for item in told["trade_offs"]["candidates"] if None not in item]
+    own = [item for item in tuning_document["trade_offs"]["candidates"] if None not in item]
     assert len(own) >= stages.RACED
-    assert told["trade_offs"]["after"][0] == pytest.approx(
-        np.sqrt(np.mean([part["after"] ** 2 for part in told["parts"][:2]]))
+    assert tuning_document["trade_offs"]["after"][0] == pytest.approx(
+        np.sqrt(np.mean([part["after"] ** 2 for part in tuning_document["parts"][:2]]))
     )

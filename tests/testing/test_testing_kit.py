@@ -29,7 +29,7 @@ from twin_gait.vocabulary import Side
 
 
 def rich_table() -> GaitTable:
-    """Something of everything: nested lists, debounce, minimum duration, time-outs, the other leg."""
+    """Something of everything: nested lists, debounce, minimum duration, timeouts, the other leg."""
     either = AnyOf(guards=(guard("hip.angle_deg < -8"), guard("foot.load_bw > 0.3")))
     far = guard("other.hip.angle_deg - hip.angle_deg > 10")
     both = AllOf(guards=(either, guard("other.phase in [stance]"), far))
@@ -93,7 +93,7 @@ def test_only_what_an_exit_above_shadows_is_undecided() -> None:
     assert all(name.startswith("swing→stance (never)::") for name in undecided)
 
 
-def test_names_say_transition_and_what_is_shown() -> None:
+def test_names_state_the_transition_and_the_claim() -> None:
     names = {test.name for test in transition_tests(load_gait_table(FIVE_PHASES))}
     title = "late_stance→swing_flexion (trailing_limb)::"
     assert title + "holds just below hip.angle_deg < -2.8" in names
@@ -103,7 +103,7 @@ def test_names_say_transition_and_what_is_shown() -> None:
 
 
 @pytest.mark.parametrize(
-    "what",
+    "claim",
     [
         "any: fires by foot.load_bw > 0.3 alone",
         "all: holds while only other.hip.angle_deg - hip.angle_deg > 10 is missing",
@@ -118,11 +118,11 @@ def test_names_say_transition_and_what_is_shown() -> None:
         "holds without another leg",
     ],
 )
-def test_kit_shows(what: str) -> None:
-    assert f"stance→swing (ready)::{what}" in rich_tests()
+def test_kit_shows(claim: str) -> None:
+    assert f"stance→swing (ready)::{claim}" in rich_tests()
 
 
-def test_edges_lie_a_billionth_beside_the_threshold_typed_here() -> None:
+def test_edges_are_a_billionth_from_the_threshold_typed_here() -> None:
     """Angles just on either side of −8°, five ticks long, when the minimum duration is over."""
     leave = Exit(rich_table(), 0)
     entry = next(item for item in decisive(leave.item.guard) if str(item.atom) == "hip.angle_deg < -8")
@@ -191,7 +191,7 @@ class ReportsAnotherCause(GaitStateMachine):
         return None if switch is None else switch._replace(cause="something")
 
 
-class LeavesWithoutSaying(GaitStateMachine):
+class LeavesWithoutReport(GaitStateMachine):
     """The phase changes and no switch is reported."""
 
     def advance(self, tick: int, signals: list[float], other_phase: int) -> None:
@@ -201,12 +201,12 @@ class LeavesWithoutSaying(GaitStateMachine):
 @pytest.mark.parametrize(
     ("broken", "part"),
     [
-        (ForgivesNaN, "refuses signals that are NaN"),
+        (ForgivesNaN, "rejects signals that are NaN"),
         (CountsAllOpenTicks, "debounce: one closed tick"),
         (NeverResetsItsClock, "clock: "),
         (IgnoresTheOtherLeg, "while the other leg is in"),
         (ReportsAnotherCause, "fires just past"),
-        (LeavesWithoutSaying, "fires just past"),
+        (LeavesWithoutReport, "fires just past"),
     ],
 )
 def test_broken_machine_fails_the_tests_of_what_is_broken(broken: type[GaitStateMachine], part: str) -> None:
@@ -221,7 +221,7 @@ def test_machine_of_the_package_fails_nothing() -> None:
     assert failures(table, lambda phase: GaitStateMachine(table, Side.RIGHT, initial_phase=phase)) == []
 
 
-def test_failure_says_tick_phase_expectation_and_measurements() -> None:
+def test_failure_states_tick_phase_expectation_and_measurements() -> None:
     table = rich_table()
     test = next(
         item
@@ -259,7 +259,7 @@ def edited(**changes: object) -> GaitTable:
     ],
     ids=["debounce", "order", "exit", "minimum duration", "gravity", "side", "blending", "scaling"],
 )
-def test_approved_text_notices_an_edit(table: GaitTable, tmp_path: Path) -> None:
+def test_approved_text_detects_an_edit(table: GaitTable, tmp_path: Path) -> None:
     path = tmp_path / "rich.md"
     path.write_text(approval_text(rich_table()), encoding="utf-8")
     assert check_approved(path, approval_text(rich_table())) is None
@@ -312,8 +312,8 @@ def trunk_table() -> GaitTable:
 
 def test_the_trunk_is_driven_like_any_signal() -> None:
     tests = {test.name: test for test in transition_tests(trunk_table())}
-    for what in ("fires just past", "holds just below", "holds on the threshold of"):
-        test = tests[f"stance→swing (bent)::{what} trunk.pitch_deg > 5"]
+    for claim in ("fires just past", "holds just below", "holds on the threshold of"):
+        test = tests[f"stance→swing (bent)::{claim} trunk.pitch_deg > 5"]
         assert test.undecided is None
         test.run()
     assert failures(trunk_table(), lambda phase: Upright(trunk_table(), phase))  # a machine that reads none
@@ -331,7 +331,7 @@ class Upright(GaitStateMachine):
         return super().step(tick, {**signals, "trunk.pitch_deg": 0.0}, *member)
 
 
-def test_what_has_more_than_the_bits_of_the_device_is_refused() -> None:
+def test_tables_larger_than_the_bits_of_the_device_are_refused() -> None:
     """The results of conditions, and phases, are bits of one number of 32."""
     many = [guard(f"hip.angle_deg > {number}") for number in range(31)]
     nested = AnyOf(guards=(AnyOf(guards=tuple(many[:30])), many[30]))

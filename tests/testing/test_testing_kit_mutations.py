@@ -33,7 +33,7 @@ TABLES = packaged_gait_tables()
 
 # Neither caught nor proved, by table, with the reason why each is lived with.
 WHOLE_TICKS = "times in phases are whole ticks: they never differ by half a tick"
-NO_OTHER_LEG = "no exit of that phase asks for the other leg, which the kit leaves where this guard is closed"
+NO_OTHER_LEG = "no exit of that phase reads the other leg, which the kit leaves where this guard is closed"
 LONGER = "time_in_phase_s - other.time_in_phase_s > 0.0005 not strict"
 FIRST, OTHERS = "stand→swing_flexion (first_step):", "stand→middle_stance (other_steps):"
 LIVED_WITH = {
@@ -89,7 +89,7 @@ def test_every_mutant_that_is_caught_in_python_is_caught_in_c(name: str) -> None
 
 @pytest.mark.parametrize("name", TABLES)
 def test_equivalent_mutants_are_few_and_of_the_kinds_that_can_be(name: str) -> None:
-    """A list of one, a zero in another unit, a debounce before a time-out, a second time-out below another.
+    """A list of one, a zero in another unit, a debounce before a timeout, a second timeout below another.
 
     Also two exits in each other's place that are never due together.
     """
@@ -111,7 +111,7 @@ def test_every_kind_of_mutation_is_made_and_caught_on_a_table_that_has_everythin
     found = measure(rich_table())
     print(mutation_table([found]))
     kinds = (
-        "all↔any condition comparison threshold unit signal membership debounce time-out source target order"
+        "all↔any condition comparison threshold unit signal membership debounce timeout source target order"
     )
     assert set(found.made) == {*kinds.split(), "minimum duration"}
     assert found.missed == ()
@@ -128,8 +128,8 @@ def documented(text: str) -> str:
 
 
 def test_documented_counts_are_the_measured_ones() -> None:
-    how = "PYTHONPATH=tests python tests/testing/test_testing_kit_mutations.py writes them"
-    assert documented(DOCUMENT.read_text(encoding="utf-8")) == mutation_table(map(result, TABLES)), how
+    hint = "PYTHONPATH=tests python tests/testing/test_testing_kit_mutations.py writes them"
+    assert documented(DOCUMENT.read_text(encoding="utf-8")) == mutation_table(map(result, TABLES)), hint
 
 
 def sums() -> str:

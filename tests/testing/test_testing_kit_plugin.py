@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from errors import states
 from firmware_tools import require_tools
 from table_builder import FIVE_PHASES
 
@@ -45,7 +46,7 @@ def edit(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
-def test_table_is_tested_beside_other_tests(folder: Path) -> None:
+def test_table_is_tested_together_with_other_tests(folder: Path) -> None:
     done = run(folder, "--gait-table", "walk.yaml", "-v")
     assert done.returncode == 0, done.stdout
     lines = done.stdout.splitlines()
@@ -78,7 +79,7 @@ def test_the_machine_in_c_takes_the_same_tests_and_its_own_mistakes_are_caught(f
     assert wrong.returncode == 1 and "holds on the threshold of hip.angle_deg < -2.8" in wrong.stdout
 
 
-def test_without_a_compiler_one_line_says_what_to_install(folder: Path) -> None:
+def test_without_a_compiler_one_line_names_the_package_to_install(folder: Path) -> None:
     done = run(folder, "--gait-table", "walk.yaml", "--machine", "c", PATH="")
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     (line,) = done.stderr.strip().splitlines()
@@ -117,32 +118,32 @@ def test_approved_text_is_written_compared_and_its_difference_shown(folder: Path
     assert "Traceback" not in changed.stdout and ".py:" not in changed.stdout
 
 
-def test_condition_that_never_decides_is_skipped_with_the_reason(folder: Path) -> None:
+def test_condition_without_effect_is_skipped_with_the_reason(folder: Path) -> None:
     edit(folder / "walk.yaml", '"hip.angle_deg < -0.4"', '"hip.angle_deg < -0.4", "hip.angle_deg < 30"')
     done = run(folder, "--gait-table", "walk.yaml", "-rs")
     assert done.returncode == 0, done.stdout
-    assert "no measurements make this decide" in done.stdout
+    assert "there are no measurements with which this condition decides" in done.stdout
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "facts"),
     [
-        (["--gait-table", "none.yaml"], "no gait table 'none.yaml': neither a file"),
-        (["--gait-table", "broken.yaml"], "broken.yaml: transitions[0]"),
-        (["--gait-table", "walk.yaml", "--gait-table", "walk.yaml"], "each once"),
-        (["--approved", "walk.md"], "one --approved FILE for each"),
-        (["--gait-table", "walk.yaml", "--approve"], "one --approved FILE for each with --approve"),
-        (["--machine", "c"], "--gait-table FILE, each once, with --machine"),
+        (["--gait-table", "none.yaml"], ("none.yaml",)),
+        (["--gait-table", "broken.yaml"], ("broken.yaml", "transitions[0]")),
+        (["--gait-table", "walk.yaml", "--gait-table", "walk.yaml"], ("--gait-table",)),
+        (["--approved", "walk.md"], ("--approved FILE", "--gait-table")),
+        (["--gait-table", "walk.yaml", "--approve"], ("--approved FILE", "--approve")),
+        (["--machine", "c"], ("--gait-table FILE", "--machine")),
     ],
     ids=["missing", "malformed", "twice", "approved alone", "approve alone", "machine alone"],
 )
-def test_mistake_ends_in_one_line(folder: Path, arguments: list[str], told: str) -> None:
+def test_mistake_ends_in_one_line(folder: Path, arguments: list[str], facts: tuple[str, ...]) -> None:
     shutil.copy(folder / "walk.yaml", folder / "broken.yaml")
     edit(folder / "broken.yaml", "hip.angle_deg < 9.2", "hip.angle_deg <= 9.2")
     done = run(folder, *arguments)
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     (line,) = done.stderr.strip().splitlines()
-    assert line.startswith("ERROR: ") and told in line
+    assert line.startswith("ERROR: ") and states(line, *facts)
 
 
 def test_plugin_imports_nothing_and_adds_nothing_without_its_options(folder: Path) -> None:

@@ -26,13 +26,13 @@ pytestmark = pytest.mark.slow  # it grades the kit, not a table
 # What no test can notice: a part of the mutant's text, and why it behaves the same.
 EQUIVALENT = {
     "results = 0: 0 → 1": "a bit below all results is never joined",
-    "timeout_ticks=-1": "no time-out is any tick that every leg has stayed for: -2, -1 or 1",
+    "timeout_ticks=-1": "no timeout is any tick that every leg has stayed for: -2, -1 or 1",
     "sign = 1.0 if": "both sides of the inequality are doubled",
     "signal_b=0 if": "the place of a second signal whose factor is zero",
     "strict=True": "the lengths were compared before",
     "self.phase: str = table.phase_names[0]": "the kit always names the phase",
     "self.owner = ": "a word in messages",
-    "auto_transitions=False": "triggers that nobody calls",
+    "auto_transitions=False": "triggers that are never called",
 }
 
 

@@ -82,7 +82,7 @@ def write_walk(
 
 
 def bare_urdf(folder: Path, visual: str = "", version: str = "1.0") -> Path:
-    """A hip and a knee, y up, with whatever visual is asked for on the thigh."""
+    """Return a URDF of hip and knee, y up, with a given visual on the thigh."""
     inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
     body = f'<inertial><mass value="3"/>{inertia}</inertial>'
     limit = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
@@ -120,7 +120,7 @@ def enclosed_volume(shape: shapes.Shape) -> float:
     ],
     ids=["box", "cylinder", "ball", "cone"],
 )
-def test_shapes_enclose_their_volume_and_look_outward(shape: shapes.Shape, volume: float) -> None:
+def test_shapes_enclose_their_volume_with_outward_normals(shape: shapes.Shape, volume: float) -> None:
     # Facets lie inside the curved surface: at 32 facets a turn a ball loses 2 % of its volume.
     assert volume * 0.97 < enclosed_volume(shape) < volume * 1.001
     corners = shape.vertices[shape.faces]
@@ -164,9 +164,9 @@ def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: n
     for joint in ("left_ankle", "right_knee"):
         world = np.eye(4)
         path = figure.paths[joint]
-        for place in dict.fromkeys(place for place, _ in groups):
-            if path == place or path.startswith(f"{place}/"):
-                position, (x, y, z, w) = groups[place, "position"], groups[place, "quaternion"]
+        for prefix in dict.fromkeys(prefix for prefix, _ in groups):
+            if path == prefix or path.startswith(f"{prefix}/"):
+                position, (x, y, z, w) = groups[prefix, "position"], groups[prefix, "quaternion"]
                 local = np.eye(4)
                 local[:3, :3] = pin.Quaternion(w, x, y, z).matrix()
                 local[:3, 3] = position
@@ -174,7 +174,7 @@ def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: n
         np.testing.assert_allclose(world, data.oMi[worn_twin.model.getJointId(joint)].homogeneous, atol=1e-12)
 
 
-def test_only_what_changed_is_sent(worn_twin: LegModel) -> None:
+def test_only_changed_objects_are_sent(worn_twin: LegModel) -> None:
     window = CommandBuffer()
     scene = build_scene(window, worn_twin)
     q = np.zeros(worn_twin.nv)
@@ -277,19 +277,20 @@ def test_a_visual_that_cannot_be_read_is_left_out_with_one_warning_and_the_other
     )
     visual = "".join(f"<visual><geometry>{one}</geometry></visual>" for one in shapes_of_file)
     urdf = bare_urdf(tmp_path, visual)
-    with pytest.warns(UrdfWarning) as told:
+    with pytest.warns(UrdfWarning) as issued:
         (part,) = load_visuals(build_model(urdf), urdf)
     np.testing.assert_allclose(np.ptp(part.shape.vertices, axis=0), 0.1, atol=1e-9)  # the sphere
-    messages = "\n".join(str(item.message) for item in told)
-    assert len(told) == 4
+    messages = "\n".join(str(item.message) for item in issued)
+    assert len(issued) == 4
     for explained in (
-        "a visual <capsule> cannot be read", "mesh pointer.stl is a Git LFS pointer (fetch it with: git lfs",
+        "a visual <capsule> cannot be read",
+        "mesh pointer.stl is a Git LFS pointer (get the file with: git lfs",
         "broken.stl cannot be read (", "a visual <box> cannot be read (Unable to parse component [x]",
     ):  # fmt: skip
         assert explained in messages
 
 
-def test_a_mesh_has_the_size_that_the_unit_of_its_collada_file_gives_it(tmp_path: Path) -> None:
+def test_a_mesh_is_scaled_by_the_unit_of_its_collada_file(tmp_path: Path) -> None:
     text = collada().replace("<asset>", '<asset><unit name="centimeter" meter="0.01"/>')
     (tmp_path / "corner.dae").write_text(text)
     visual = '<visual><geometry><mesh filename="corner.dae" scale="1 2 1"/></geometry></visual>'
@@ -335,7 +336,7 @@ def test_a_mesh_has_the_colours_of_the_urdf_or_its_own(material: str, expected: 
             np.testing.assert_allclose(part.shape.vertices.min(axis=0), [0.0, 0.0, 5.0])
 
 
-def test_the_colours_of_a_mesh_lie_where_its_file_has_them() -> None:
+def test_the_colours_of_a_mesh_are_on_the_faces_of_its_file() -> None:
     urdf = robot_urdf("ur_description/urdf/ur5_robot.urdf")
     parts = load_visuals(build_model(urdf), urdf)
     blue = [part for part in parts if part.colour[2] > part.colour[0] + 0.1]
@@ -472,7 +473,7 @@ def read_page(path: Path) -> PageReader:
     return reader
 
 
-def test_page_holds_everything_and_may_load_nothing(worn_twin: LegModel, tmp_path: Path) -> None:
+def test_page_is_self_contained_and_must_not_load_anything(worn_twin: LegModel, tmp_path: Path) -> None:
     path = write_walk(tmp_path / "walk.html", worn_twin)
     page = read_page(path)
     assert [address for address in page.addresses if not address.startswith("data:")] == []
@@ -506,7 +507,7 @@ def test_animation_comes_after_the_objects_it_moves(worn_twin: LegModel) -> None
 HOSTILE = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 1'> & {{data}} \udcff"
 
 
-def test_hostile_title_stays_text(worn_twin: LegModel, tmp_path: Path) -> None:
+def test_hostile_title_is_escaped(worn_twin: LegModel, tmp_path: Path) -> None:
     harmless = read_page(write_walk(tmp_path / "a.html", worn_twin, duration=0.1))
     written = write_walk(tmp_path / "b.html", worn_twin, duration=0.1, title=HOSTILE, subtitle=[HOSTILE])
     page = read_page(written)
@@ -514,8 +515,8 @@ def test_hostile_title_stays_text(worn_twin: LegModel, tmp_path: Path) -> None:
     assert page.title == HOSTILE.replace("\udcff", "\ufffd")
 
 
-# What the browser is asked, at several moments: the matrix of every joint group, colours, arrows, belt,
-# texts; and once, what went wrong.
+# Read in the browser at several instants: matrix of every joint group, colours, arrows, belt, texts;
+# and once, all errors.
 PROBE = """<script>
 const trouble = [];
 window.addEventListener("error", (event) => trouble.push(String(event.message)));
@@ -524,21 +525,22 @@ for (const kind of ["error", "warn"]) console[kind] = (...words) => trouble.push
 </script>"""
 REPORT = """<script>
 window.ready.then(() => {
-  const asked = ASKED;
+  const requested = REQUESTED;
   const tree = (path) => twinGait.stage.viewer.scene_tree.find(path.split("/").filter((part) => part)).object;
   const look = () => {
     twinGait.stage.viewer.scene.updateMatrixWorld(true);
     const base = tree("/meshcat").matrixWorld.clone().invert();
     return {
-      matrices: asked.joints.map((path) => base.clone().multiply(tree(path).matrixWorld).toArray()),
-      colours: asked.covers.map((path) => tree(path + "/<object>").material.color.toArray()),
-      arrows: asked.arrows.map((path) => [tree(path).visible, tree(path).scale.z]),
-      belt: tree(asked.belt).position.x,
+      matrices: requested.joints.map((path) => base.clone().multiply(tree(path).matrixWorld).toArray()),
+      colours: requested.covers.map((path) => tree(path + "/<object>").material.color.toArray()),
+      arrows: requested.arrows.map((path) => [tree(path).visible, tree(path).scale.z]),
+      belt: tree(requested.belt).position.x,
       read: document.querySelector(".read").innerText,
       clock: document.querySelector(".clock").textContent,
     };
   };
-  const answer = { moments: [look(), ...asked.moments.map((time) => { player.show(time); return look(); })],
+  const answer = {
+    moments: [look(), ...requested.moments.map((time) => { player.show(time); return look(); })],
     title: document.querySelector(".title").textContent, harm: window.harm ?? null, trouble,
     fetched: performance.getEntriesByType("resource").map((entry) => entry.name) };
   const out = document.createElement("pre");
@@ -549,12 +551,14 @@ window.ready.then(() => {
 </script>"""
 
 
-def ask_browser(page: Path, fragment: str, asked: dict) -> dict:
+def read_in_browser(page: Path, fragment: str, arguments: dict) -> dict:
     """Open a page from disk in headless Chromium and return what the probe finds."""
     text = page.read_text(encoding="utf-8").replace("<body>", f"<body>{PROBE}", 1)
     at = text.rindex("</body>")
     probed = page.with_name("probed.html")
-    probed.write_text(text[:at] + REPORT.replace("ASKED", json.dumps(asked)) + text[at:], encoding="utf-8")
+    probed.write_text(
+        text[:at] + REPORT.replace("REQUESTED", json.dumps(arguments)) + text[at:], encoding="utf-8"
+    )
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         flags = ["--headless", "--disable-gpu", "--no-first-run", "--disable-background-networking",
                  "--disable-component-update", "--disable-sync", f"--user-data-dir={profile}",
@@ -569,7 +573,7 @@ def ask_browser(page: Path, fragment: str, asked: dict) -> dict:
 
 
 @needs_chromium
-def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Path) -> None:
+def test_browser_shows_the_positions_that_pinocchio_computes(worn_twin: LegModel, tmp_path: Path) -> None:
     page = write_walk(tmp_path / "walk.html", worn_twin, duration=0.5, title=HOSTILE)
     scene = build_scene(CommandBuffer(), worn_twin, patient=PATIENT)
     log = synthetic_log(worn_twin, 0.5)
@@ -578,14 +582,14 @@ def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Pa
     frames = [int(np.argmin(np.abs(motion.times - moment))) for moment in (0.367, 0.034)]
     times = [float(motion.times[frame]) for frame in frames]
     joints = [name for name in scene.figure.paths if name != "universe"]
-    asked = {
+    arguments = {
         "joints": [scene.figure.paths[name] for name in joints],
         "covers": [scene.caps[side][0] for side in worn_twin.sides],
         "arrows": [scene.arrows[side] for side in worn_twin.sides],
         "belt": environment.BELT,
         "moments": times[1:],
     }
-    answer = ask_browser(page, f"#t={times[0]:.3f}", asked)
+    answer = read_in_browser(page, f"#t={times[0]:.3f}", arguments)
     assert answer["trouble"] == []
     assert answer["fetched"] == []
     assert answer["harm"] is None

@@ -30,7 +30,7 @@ def walk() -> Run:
     return simulate(load_experiment(WALK, ["duration_s=3"]).experiment)
 
 
-def test_curves_and_torques_of_the_ankle_are_those_of_the_log(walk: Run) -> None:
+def test_curves_and_torques_of_the_ankle_equal_the_log(walk: Run) -> None:
     model = walk.experiment.build_world().model
     values = leg_values(walk.log, Side.LEFT)
     np.testing.assert_allclose(values["ankle"], np.degrees(walk.log["left_ankle_angle_rad"]))

@@ -41,7 +41,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="playwright is no
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader"]  # fmt: skip
-# What Chromium itself says about reading pixels for a screenshot.
+# Message of Chromium about reading pixels for a screenshot.
 OWN_WORDS = "GL Driver Message"
 COLUMNS = {"": "angle_rad", "_torque": "motor_torque_Nm", "_impedance": "impedance_torque_Nm",
            "_friction_compensation": "friction_compensation_torque_Nm",
@@ -50,7 +50,7 @@ COLUMNS = {"": "angle_rad", "_torque": "motor_torque_Nm", "_impedance": "impedan
 
 @dataclass
 class OpenPage:
-    """A page in the browser, and everything that it complained about or asked for."""
+    """Page in the browser with its console messages and network requests."""
 
     page: "playwright.Page"
     complaints: list[str] = field(default_factory=list)
@@ -85,9 +85,9 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
     tripped = simulate(load_experiment("treadmill", settings).experiment)
     assert tripped.trip is not None
-    told = {"title": "held", "events": tripped.events, "outcome": tripped.status, "walk": MEASURES}
+    card = {"title": "held", "events": tripped.events, "outcome": tripped.status, "walk": MEASURES}
     moments, model = [event.time for event in tripped.events], tripped.experiment.build_world().model
-    held = recorded_run(tripped.log, model, about=told, frames_per_second=30.0, frame_times=moments)
+    held = recorded_run(tripped.log, model, about=card, frames_per_second=30.0, frame_times=moments)
     (folder / "held.html").write_text(recorded_page([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
@@ -142,7 +142,7 @@ def log(runs: dict[str, Path]) -> pd.DataFrame:
 
 
 def numbers_in(one: OpenPage) -> dict[tuple[str, str], float]:
-    """What the card says, by row of the table and side, as a person reads it."""
+    """Return the texts of the card by row of the table and side."""
     rows = one("""[...document.querySelectorAll(".read tbody tr")].map((row) =>
         [...row.children].map((cell) => cell.innerText.trim()))""")
     read, joint = {}, ""
@@ -155,7 +155,7 @@ def numbers_in(one: OpenPage) -> dict[tuple[str, str], float]:
             number = (
                 text.replace("\N{MINUS SIGN}", "-").removesuffix("N·m").removesuffix("°").removesuffix("N")
             )
-            read[name if name == "Ground force" else f"{joint}: {name}", side] = float(number)
+            read[name if name == "Normal force" else f"{joint}: {name}", side] = float(number)
     return read
 
 
@@ -176,7 +176,7 @@ def clock_of(one: OpenPage) -> float:
 
 
 @pytest.mark.slow
-def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
+def test_joint_positions_in_the_page_equal_pinocchio(walk: OpenPage, runs, log: pd.DataFrame) -> None:
     model = read_stored_run(runs["more"]).run.experiment.build_world().model
     paths = {
         name: path
@@ -214,11 +214,11 @@ def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, 
 
 
 @pytest.mark.slow
-def test_every_number_on_the_card_is_that_of_the_log(walk: OpenPage, log: pd.DataFrame) -> None:
+def test_every_number_on_the_card_equals_the_log(walk: OpenPage, log: pd.DataFrame) -> None:
     one = walk
     labels = ("angle", "motor torque", "impedance", "friction compensation", "gravity compensation")
-    for asked in (0.0, 0.373, 0.7, 1.111, 1.64, 1.999):
-        one("(time) => player.seek(time)", asked)
+    for requested in (0.0, 0.373, 0.7, 1.111, 1.64, 1.999):
+        one("(time) => player.seek(time)", requested)
         row, read = log.iloc[round(1000.0 * clock_of(one))], numbers_in(one)
         assert len(read) == 2 * (2 * len(labels) + 1)
         for side in ("left", "right"):
@@ -230,8 +230,8 @@ def test_every_number_on_the_card_is_that_of_the_log(walk: OpenPage, log: pd.Dat
                     ]
                     expected = math.degrees(value) if not suffix else value
                     # Half a unit of the digit shown, and what the page rounds away before.
-                    assert abs(shown - expected) <= 0.05 + 1e-4, (asked, side, joint, label)
-            assert abs(read["Ground force", side] - row[f"{side}_foot_normal_force_N"]) <= 0.51
+                    assert abs(shown - expected) <= 0.05 + 1e-4, (requested, side, joint, label)
+            assert abs(read["Normal force", side] - row[f"{side}_foot_normal_force_N"]) <= 0.51
             pill = one('[...document.querySelectorAll(".read .pill")].map((p) => p.textContent)')
             phase = GaitPhase(row[f"{side}_phase"])
             assert pill[side == "right"].endswith(phase.replace("_", " ").capitalize())
@@ -255,7 +255,7 @@ def test_stepping_lands_on_the_transitions_of_the_run(walk: OpenPage, runs) -> N
 
     one.page.keyboard.press(".")
     first = table.loc[table["time_s"] == expected[0]].iloc[0]
-    # A screen reader is told which leg entered which phase.
+    # A screen reader gets the leg and the phase that it entered.
     assert f"{first['side']} leg: {first['to'].replace('_', ' ')}" in one(
         'document.getElementById("spoken").textContent'
     )
@@ -307,7 +307,7 @@ def test_a_trip_is_a_red_hold_on_card_curves_and_timeline_from_its_moment_on(ope
     assert [line.split(" (")[0] for line in one(alarm).split("\n")] == [
         "Fault: encoder freeze, left knee", "HOLD: encoder frozen, left knee"]  # fmt: skip
     assert all(text.endswith("Hold") for text in one(pills))
-    # Back by the transitions: to the trip, which a screen reader is told of, and to the fault.
+    # Back by the transitions: to the trip, which is announced to a screen reader, and to the fault.
     one.page.keyboard.press(",")
     trip = clock_of(one)
     assert 1.0 < trip < 1.2 and "trip: encoder frozen, left knee" in one(
@@ -440,7 +440,7 @@ def test_curves_zoom_pan_seek_and_reset(opened, pages) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("span", [2.0, 0.7, 0.05])
-def test_what_is_drawn_has_the_peaks_of_the_log_at_every_zoom(
+def test_drawn_curves_have_the_peaks_of_the_log_at_every_zoom(
     walk: OpenPage, log: pd.DataFrame, span: float
 ) -> None:
     width = 300  # pixels, as the curves have beside the scene
@@ -473,7 +473,7 @@ def test_what_is_drawn_has_the_peaks_of_the_log_at_every_zoom(
 
 
 @pytest.mark.slow
-def test_the_page_asks_nobody_for_anything(opened, pages) -> None:
+def test_the_page_sends_no_network_requests(opened, pages) -> None:
     one = opened(f"{pages['one'].as_uri()}#t=0")
     assert [url.split("#")[0] for url in one.requests] == [pages["one"].as_uri()]
     # Its own policy forbids it too.
@@ -523,7 +523,7 @@ def test_light_and_dark_follow_the_system_and_the_switch(opened, pages) -> None:
         assert abs(levels[0] - levels[1]) > 150
 
 
-def test_paper_gets_the_picture_the_numbers_and_the_whole_curves(opened, pages, tmp_path: Path) -> None:
+def test_printed_page_has_the_picture_the_numbers_and_the_whole_curves(opened, pages, tmp_path: Path) -> None:
     one = opened(f"{pages['one'].as_uri()}#t=1", size=(900, 600), color_scheme="dark")
     one.page.pdf(path=str(tmp_path / "page.pdf"), format="A4")
     content = (tmp_path / "page.pdf").read_bytes()
@@ -554,7 +554,7 @@ def test_on_paper_every_table_is_within_its_column(opened, pages, name: str) -> 
 # ---------------------------------------------------------------------------------- two runs, picture
 
 
-def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened, pages, runs) -> None:
+def test_two_runs_share_a_clock_and_their_difference_equals_the_logs(opened, pages, runs) -> None:
     logs = [read_stored_run(runs[name]).run.log for name in ("more", "less")]
     one = opened(f"{pages['two'].as_uri()}#t=0.9", size=(1000, 700))
     one("player.seek(1.1)")
@@ -628,7 +628,7 @@ def urdf_named(name: str, folder: Path) -> Path:
         ("panda_description/urdf/panda.urdf", "z"),  # of whose fingers one follows the other
     ],
 )
-def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
+def test_joint_sliders_give_the_positions_of_pinocchio(opened, tmp_path: Path, name: str, up: str) -> None:
     urdf = urdf_named(name, tmp_path)
     model = build_model(urdf)
     figure = ArticulatedFigure(CommandBuffer(), model, up_axis=up)
@@ -637,7 +637,7 @@ def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path
     one = opened(page.as_uri(), size=(1000, 640))
     names = one('[...document.querySelectorAll(".joint .name")].map((name) => name.textContent)')
     assert names == list(model.names)[1:]
-    place = """(paths) => {
+    pose_script = """(paths) => {
         const find = (path) => twinGait.stage.viewer.scene_tree.find(path.split("/").filter((p) => p)).object;
         twinGait.stage.viewer.scene.updateMatrixWorld(true);
         const base = find("/meshcat").matrixWorld.clone().invert();
@@ -651,7 +651,7 @@ def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path
 
     def check(q: np.ndarray) -> None:
         pin.forwardKinematics(model, data, q)
-        for path, matrix in zip(names, one(place, paths), strict=True):
+        for path, matrix in zip(names, one(pose_script, paths), strict=True):
             expected = figure.base @ data.oMi[model.getJointId(path)].homogeneous
             np.testing.assert_allclose(np.reshape(matrix, (4, 4)).T, expected, atol=1e-5)
 
@@ -661,7 +661,7 @@ def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path
     chosen = np.array([0.25 * entry["lower"] + 0.75 * entry["upper"] for entry in entries])
     for name, mimic in mimics.items():  # its slider is disabled, and it follows the other joint
         chosen[names.index(name)] = mimic.multiplier * chosen[names.index(mimic.joint)] + mimic.offset
-    told = one(
+    texts = one(
         """(values) => [...document.querySelectorAll(".joint input")].map((slider, index) => {
             if (!slider.disabled) {
                 slider.value = values[index];
@@ -672,7 +672,7 @@ def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path
         (chosen * scale).tolist(),
     )
     check(chosen)
-    written = [float(re.sub(r"[^-\d.]", "", text.replace("\N{MINUS SIGN}", "-"))) for text in told]
+    written = [float(re.sub(r"[^-\d.]", "", text.replace("\N{MINUS SIGN}", "-"))) for text in texts]
     np.testing.assert_allclose(written, chosen * scale, atol=0.0501)
     one.page.keyboard.press("z")
     check(nearest)
@@ -694,9 +694,7 @@ def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
         assert one.requests == [server.url]
 
 
-def test_two_walks_are_compared_by_per_cent_of_the_stride_so_that_a_drift_is_no_difference(
-    opened, tmp_path: Path
-) -> None:
+def test_two_walks_are_compared_by_per_cent_of_the_stride_without_drift(opened, tmp_path: Path) -> None:
     walk = simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
     slower = walk.log.iloc[np.round(np.arange(len(walk.log)) / 1.015).astype(int)].copy()
     slower["time_s"] = walk.log["time_s"].to_numpy()  # the same walk with strides 1.5 % longer

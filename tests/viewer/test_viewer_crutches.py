@@ -64,7 +64,7 @@ def end_of(state: SceneState, path: str, length: float) -> np.ndarray:
 
 @pytest.mark.parametrize("bend", [0.01, 0.4, 1.2, 2.0])
 @pytest.mark.parametrize("turn", [-0.3, 0.0, 0.5])
-def test_elbow_is_where_the_angles_put_it(bend: float, turn: float) -> None:
+def test_elbow_position_follows_from_the_angles(bend: float, turn: float) -> None:
     """Forwards from the angles of both links, back from the ends."""
     upper, lower = 0.33, 1.1
     shoulder = np.array([0.2, 1.4])
@@ -78,7 +78,7 @@ def test_an_arm_that_does_not_reach_is_straight_and_its_crutch_keeps_its_length(
     np.testing.assert_allclose(elbow, [0.0, 1.1], atol=1e-12)
 
 
-def test_arms_reach_from_the_shoulders_to_the_tips_of_the_log(walk: Run, drawn: Drawn) -> None:
+def test_arms_extend_from_the_shoulders_to_the_tips_of_the_log(walk: Run, drawn: Drawn) -> None:
     scene, _, motion = drawn
     forearms = set()
     for frame in range(0, len(motion.times), 7):
@@ -104,7 +104,7 @@ def test_arms_reach_from_the_shoulders_to_the_tips_of_the_log(walk: Run, drawn: 
     assert UPPER_ARM_LENGTH + FOREARM_LENGTH == pytest.approx(0.332)
 
 
-def test_a_crutch_has_the_force_of_the_log_beside_its_tip(walk: Run, drawn: Drawn) -> None:
+def test_the_force_of_the_log_is_drawn_next_to_the_crutch_tip(walk: Run, drawn: Drawn) -> None:
     scene, _, motion = drawn
     frame = int(np.argmax(walk.log["left_crutch_normal_force_N"].to_numpy()[:500:33]))
     state, row = scene.state_at(motion, frame), walk.log.iloc[round(1000 * motion.times[frame])]
@@ -118,14 +118,14 @@ def test_a_crutch_has_the_force_of_the_log_beside_its_tip(walk: Run, drawn: Draw
 # ---------------------------------------------------------------------------------- what is around
 
 
-def test_the_trunk_joint_carries_what_the_urdf_shows_of_the_pelvis(walk: Run) -> None:
+def test_pelvis_parts_of_the_urdf_are_attached_to_the_trunk_joint(walk: Run) -> None:
     model = walk.experiment.build_world().model
     assert model.trunk_joint == "pelvis_pitch"
     assert {"pelvis_pitch"} == {part.joint for part in load_visuals(model.model, model.urdf_path)
                                 if part.joint.startswith(("pelvis", "universe"))}  # fmt: skip
 
 
-def test_the_eye_goes_along_and_the_metres_stay(drawn: Drawn) -> None:
+def test_the_camera_follows_the_walk_and_the_distance_marks_stay(drawn: Drawn) -> None:
     scene, recorder, motion = drawn
     state = scene.state_at(motion, len(motion.times) - 1)
     way = SPEED * motion.times[-1]
@@ -135,7 +135,7 @@ def test_the_eye_goes_along_and_the_metres_stay(drawn: Drawn) -> None:
     assert METRES in paths and not any("treadmill" in path for path in paths)
 
 
-def test_a_harness_is_drawn_where_one_carries_and_its_ropes_go_straight_up(
+def test_a_harness_with_support_is_drawn_with_vertical_ropes(
     drawn: Drawn,
 ) -> None:
     _, bare, _ = drawn
@@ -150,7 +150,7 @@ def test_a_harness_is_drawn_where_one_carries_and_its_ropes_go_straight_up(
     assert end_of(state, f"{ROPES}/0", 1.0)[:2] == pytest.approx(lower[:2], abs=1e-12)
 
 
-def test_the_chair_stands_where_the_log_has_its_front_edge(drawn: Drawn) -> None:
+def test_the_chair_is_drawn_at_the_front_edge_of_the_log(drawn: Drawn) -> None:
     scene, recorder, motion = drawn
     state = scene.state_at(motion, 0)
     assert state[CHAIR, "position"][0] == -0.2
@@ -180,7 +180,7 @@ def test_a_page_has_crutches_and_the_mode_of_every_moment(walk: Run) -> None:
     assert max(values) == pytest.approx(walk.log["left_crutch_normal_force_N"].max(), abs=0.01)
 
 
-def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn) -> None:
+def test_a_live_scene_equals_the_recorded_scene(walk: Run, drawn: Drawn) -> None:
     scene, _, motion = drawn
     live = LiveScene(build_setup(walk.experiment))
     live._modes = MODES  # of the columns that the fixture has added to the log
@@ -189,8 +189,8 @@ def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn
     sent = {(c["path"], c["property"]): c["value"] for c in live.window.commands()
             if c["type"] == "set_property"}  # fmt: skip
     expected = scene.state_at(motion, frame)
-    places = (ROOT, environment.FLOOR, f"{FORCE_ROOT}/left_")
-    shown = [key for key in expected if key[0].startswith(places)]
+    prefixes = (ROOT, environment.FLOOR, f"{FORCE_ROOT}/left_")
+    shown = [key for key in expected if key[0].startswith(prefixes)]
     assert len(shown) > 12
     assert {key: sent[key] for key in shown} == {key: expected[key] for key in shown}
     assert live.window.commands()[-1]["sample"]["mode"] == 0 and live.mode == MODES[0]

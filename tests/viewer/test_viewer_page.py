@@ -104,7 +104,7 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
     transitions, log = pd.read_csv(run_folder / "transitions.csv"), shown.run.log
     assert len(transitions) >= 3
     assert set(transitions["tick"]) <= set(frames["times"])
-    assert 1235 in frames["times"]  # the first row that is not before the moment asked for
+    assert 1235 in frames["times"]  # the first row that is not before the requested time
     assert frames["times"][0] == 0 and frames["times"][-1] == len(log) - 1
     for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
                         ("hip_impedance", "impedance_torque_Nm"),
@@ -157,7 +157,7 @@ def tripped(tmp_path_factory) -> Path:
     return folder
 
 
-def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
+def test_a_hold_replaces_the_phases_and_the_page_shows_the_events_of_the_run(tripped: Path) -> None:
     stored, summary, _ = read_stored_run(tripped)
     trip = stored.trip
     assert trip is not None and 1.0 <= trip.time < 3.0
@@ -178,7 +178,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
-def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
+def test_page_shows_the_note_on_the_belt_and_the_measures_of_the_walk(run_folder: Path) -> None:
     stored = read_stored_run(run_folder).run
     power = {"belt_W": 9.0, "motors_W": 1.0, "voluntary_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
     leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}, "stride_time_mean_s": None}
@@ -188,7 +188,7 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
         "power": {**power, "belt_driven": True},
     }
     (entry,) = embedded(render_run_page([StoredRun(stored, summary)]))["runs"]
-    assert entry["notes"][0].startswith("The belt carries this walk")
+    assert entry["notes"][0].startswith("The belt drives this walk")
     assert entry["walk"] == [
         ["", "left", "right", "healthy"],
         ["load trough [carried weight]", "0.500", "0.500", "0.800"],
@@ -233,7 +233,7 @@ def test_two_runs_get_their_frames_at_the_same_moments(run_folder: Path, tmp_pat
     assert [time for time in long if time < 1499] == [time for time in short if time < 1499]
 
 
-def test_phases_are_told_apart_by_letters_too() -> None:
+def test_phases_are_also_distinguished_by_letters() -> None:
     assert [one["short"] for one in entries([str(p) for p in GaitPhase])] == ["ES", "MS", "LS", "SF", "SE"]
     # Where two phases would share their letters all get numbers.
     assert [one["short"] for one in entries(["stance", "swing", "early_swing"])] == ["1", "2", "3"]
@@ -314,15 +314,15 @@ ON_DARK = MEANINGS | {
 def test_no_two_meanings_share_a_colour(meanings: dict[str, dict[str, str]]) -> None:
     named = {(group, name): colour for group, one in meanings.items() for name, colour in one.items()}
     assert len(named) >= 25
-    for (first, here), (second, there) in combinations(named.items(), 2):
-        apart = np.linalg.norm(lab(here) - lab(there))
+    for (first, first_colour), (second, second_colour) in combinations(named.items(), 2):
+        apart = np.linalg.norm(lab(first_colour) - lab(second_colour))
         # 2.3 is just noticeable; side by side six times that is another colour to anybody.
         assert apart > 14.0, (first, second)
 
 
 @pytest.mark.parametrize("cone", ["red", "green"])
 @pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
-def test_what_stands_together_differs_for_colour_blind_people(cone: str, meanings: dict) -> None:
+def test_adjacent_colours_differ_for_colour_blind_people(cone: str, meanings: dict) -> None:
     for group in ("side", "joint", "arrow", "torque"):
         for first, second in combinations(meanings[group].values(), 2):
             apart = np.linalg.norm(as_seen_without(cone, first) - as_seen_without(cone, second))
@@ -343,15 +343,15 @@ def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(r
             assert colour.lower() not in style
 
 
-def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:
+def test_the_floor_darkened_by_a_dark_page_is_in_the_scene(worn_twin: LegModel) -> None:
     recorder = CommandBuffer()
     build_scene(recorder, worn_twin)
     assert any(c["type"] == "set_object" and c["path"] == FLOOR for c in recorder.commands())
 
 
-def test_harness_and_trunk_stand_out_by_night() -> None:
+def test_harness_and_trunk_have_contrast_in_the_dark_theme() -> None:
     script = (PAGE_FOLDER / "stage.js").read_text(encoding="utf-8")
-    found = re.search(r"NIGHT = \{ top: \[([^]]*)\]", script)
+    found = re.search(r"DARK_THEME = \{ top: \[([^]]*)\]", script)
     assert found
     night = "#" + "".join(f"{round(255 * float(share)):02x}" for share in found[1].split(","))
     for material, least in (("vest", 3.0), ("cloth", 4.5), ("rope", 2.5)):
@@ -359,7 +359,7 @@ def test_harness_and_trunk_stand_out_by_night() -> None:
         assert contrast(shown, night) > least
 
 
-def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:
+def test_page_contains_every_script_and_no_other_file() -> None:
     page = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
     assert {path.name for path in PAGE_FOLDER.glob("*.js")} == set(re.findall(r'include "(\w+\.js)"', page))
     for path in PAGE_FOLDER.glob("*.js"):
@@ -395,16 +395,16 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         status = main(["view", *arguments])
     except SystemExit as leave:
         status = leave.code
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
     assert status == 2
-    assert said.out == "" and said.err.count("\n") == 1 and "Traceback" not in said.err
-    return said.err
+    assert captured.out == "" and captured.err.count("\n") == 1 and "Traceback" not in captured.err
+    return captured.err
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["RUN", "RUN", "RUN"], "one run or two"),
+        (["RUN", "RUN", "RUN"], "one or two run directories"),
         (["RUN", "nowhere"], "nowhere"),
         (["RUN", "--at", "9", "--png", "NEW"], "0 to 2.000"),
         (["RUN", "--at", "-1", "--png", "NEW"], "--at"),
@@ -416,7 +416,7 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["twin.urdf", "--png", "NEW", "--at", "1"], "without --at"),
         (["twin.urdf", "--out", "OLD"], "--force"),
         (["twin.urdf", "--up", "w"], "--up"),
-        (["RUN", "--up", "y"], "is for a URDF"),
+        (["RUN", "--up", "y"], "applies to a URDF"),
         (["twin.urdf", "RUN"], "URDF"),
         (["RUN", "--port", "-1"], "65535"),
     ],
@@ -432,7 +432,7 @@ def test_wrong_values_give_one_line_and_no_file(
     assert [path.name for path in tmp_path.iterdir()] == ["old.html"] and old.read_text() == "old"
 
 
-def test_a_page_of_two_runs_is_written_and_replaced_only_when_asked(
+def test_a_page_of_two_runs_is_written_and_replaced_only_with_force(
     run_folder: Path, tmp_path: Path, capsys
 ) -> None:
     out = tmp_path / "both.html"
@@ -462,7 +462,7 @@ def test_a_urdf_has_a_slider_for_each_joint_with_its_axis_and_its_range(tmp_path
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_the_vertical_of_a_urdf_can_be_told(axis: str, tmp_path: Path, capsys) -> None:
+def test_vertical_axis_of_a_urdf_can_be_set(axis: str, tmp_path: Path, capsys) -> None:
     urdf, out = tmp_path / "post.urdf", tmp_path / "post.html"
     box = '<visual><geometry><box size="1.1 1.6 0.2"/></geometry></visual>'
     urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
@@ -478,15 +478,15 @@ def test_the_vertical_of_a_urdf_can_be_told(axis: str, tmp_path: Path, capsys) -
     np.testing.assert_allclose(turn @ np.eye(3)["xyz".index(axis)], [0.0, 0.0, 1.0], atol=1e-9)
 
 
-def test_without_a_browser_a_picture_is_refused_with_the_way_out(
+def test_without_a_browser_a_picture_is_refused_with_a_suggestion(
     run_folder: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv(BROWSER_VARIABLE, raising=False)
     monkeypatch.setattr("twin_gait.viewer.picture.BROWSERS", ("chromium",))
     picture = tmp_path / "a.png"
-    said = fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
-    assert "Chromium" in said and BROWSER_VARIABLE in said
+    message = fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
+    assert "Chromium" in message and BROWSER_VARIABLE in message
     monkeypatch.setenv(BROWSER_VARIABLE, "no-such-browser")
     assert "no-such-browser" in fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
     assert list(tmp_path.iterdir()) == []
@@ -509,7 +509,7 @@ def stand_in(folder: Path, script: str) -> str:
         ("sleep 30", ("0.5 s",)),
     ],
 )
-def test_a_browser_that_draws_nothing_leaves_the_old_picture(
+def test_a_browser_without_output_keeps_the_old_picture(
     script: str, words: tuple[object, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(BROWSER_VARIABLE, stand_in(tmp_path, script))
@@ -537,7 +537,7 @@ def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, byt
         connection.close()
 
 
-def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
+def test_a_page_is_served_to_this_machine_only_and_until_the_command_ends() -> None:
     with served("<p>é</p>") as server:
         parts = urlsplit(server.url)
         assert parts.hostname == "127.0.0.1"
@@ -548,7 +548,7 @@ def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
         socket.create_connection(("127.0.0.1", parts.port), timeout=1)
 
 
-def test_a_page_is_for_whoever_has_the_address_with_its_token() -> None:
+def test_a_page_requires_the_address_with_its_token() -> None:
     with served("<p>a wearer's walk</p>") as server, served("b") as other:
         bare, foreign = server.url.partition("?")[0], urlsplit(other.url).query
         for url in (bare, f"{bare}?{foreign}", server.url[:-1], f"{server.url}0"):
@@ -575,7 +575,7 @@ def test_the_token_is_in_no_command_line(
     assert url.replace("&", "&amp;") in page.read_text()
 
 
-def test_a_taken_port_gives_the_next_one() -> None:
+def test_an_occupied_port_selects_the_next_one() -> None:
     with served("a") as first:
         taken = urlsplit(first.url).port
         assert taken is not None

@@ -48,8 +48,8 @@ def edges(faces: np.ndarray) -> Counter[tuple[int, int]]:
 
 def welded(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Vertices that are at one place made one."""
-    places, index = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
-    return places, index.reshape(-1)[shape.faces]
+    vertices, index = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
+    return vertices, index.reshape(-1)[shape.faces]
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -70,7 +70,7 @@ def script() -> Any:
     return module
 
 
-def test_mesh_files_are_what_their_script_makes(script: Any) -> None:
+def test_mesh_files_equal_the_output_of_their_script(script: Any) -> None:
     made = script.texts()
     assert sorted(made) == [path.name for path in MESH_FILES]
     for path in MESH_FILES:
@@ -95,15 +95,15 @@ def test_the_viewer_scales_the_meshes_from_the_sizes_that_they_were_drawn_in(scr
 
 
 @pytest.mark.parametrize("path", MESH_FILES, ids=lambda path: path.stem)
-def test_mesh_is_closed_and_looks_outward(path: Path, tmp_path: Path) -> None:
+def test_mesh_is_closed_with_outward_normals(path: Path, tmp_path: Path) -> None:
     shape = shape_of_mesh(path, tmp_path)
-    places, faces = welded(shape)
+    vertices, faces = welded(shape)
     along = edges(faces)
     # Each edge is run along once in either direction: no hole, no face turned round.
     assert set(along.values()) == {1}
     assert all((b, a) in along for a, b in along)
-    assert signed_volume(places, faces) > 0.0
-    turned_out = np.einsum("ij,ikj->ik", face_normals(places, faces), shape.normals[shape.faces])
+    assert signed_volume(vertices, faces) > 0.0
+    turned_out = np.einsum("ij,ikj->ik", face_normals(vertices, faces), shape.normals[shape.faces])
     assert (turned_out > 0.0).all()
     np.testing.assert_allclose(np.linalg.norm(shape.normals, axis=1), 1.0, atol=1e-6)
 
@@ -164,14 +164,14 @@ def test_soles_lie_where_heel_and_toe_of_the_wearer_are(height: float) -> None:
     assert (sole[:, 0].min(), sole[:, 0].max()) == pytest.approx((heel[0], toe[0]), abs=3e-3)
 
 
-def test_a_copied_urdf_keeps_its_looks_without_its_meshes(tmp_path: Path) -> None:
+def test_a_copied_urdf_keeps_its_appearance_without_its_meshes(tmp_path: Path) -> None:
     copy = tmp_path / "mine.urdf"
     copy.write_text(packaged_urdf("twin_leg.urdf").read_text(encoding="utf-8"), encoding="utf-8")
     assert {"right_hip", "right_knee"} <= {part.joint for part in load_visuals(build_model(copy), copy)}
 
 
 @pytest.mark.parametrize("scale", ["1 1 1", "1 -1 1", "-2 1 0.5"])
-def test_a_mirrored_mesh_still_looks_outward(tmp_path: Path, scale: str) -> None:
+def test_a_mirrored_mesh_has_outward_normals(tmp_path: Path, scale: str) -> None:
     path = tmp_path / "corner.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     shape = shape_of_mesh(path, tmp_path, scale)
@@ -235,7 +235,7 @@ def angle_about(axis: np.ndarray, start: np.ndarray, point: np.ndarray) -> float
     return math.atan2(float(point @ np.cross(axis, start)), float(point @ start))
 
 
-def test_level_has_the_sign_and_grows_with_the_size_of_the_torque() -> None:
+def test_arrow_level_has_the_sign_of_the_torque_and_grows_with_its_size() -> None:
     levels = [arrows.level(torque) for torque in np.linspace(-90.0, 90.0, 361)]
     assert (np.diff(levels) >= 0).all()
     assert (min(levels), max(levels)) == (-arrows.LEVELS, arrows.LEVELS)
@@ -315,7 +315,7 @@ def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
 
 def world(scene: Scene, recorder: CommandBuffer, path: str) -> np.ndarray:
     """Transform of a place of the scene from the last commands alone, without the figure's own sums."""
-    place, at = np.eye(4), ""
+    transform, at = np.eye(4), ""
     transforms = {c["path"]: np.array(c["matrix"]).reshape(4, 4).T for c in recorder.commands()
                   if c["type"] == "set_transform"}  # fmt: skip
     positions, turns, scales = (properties_of(recorder, name) for name in ("position", "quaternion", "scale"))
@@ -329,8 +329,8 @@ def world(scene: Scene, recorder: CommandBuffer, path: str) -> np.ndarray:
             local[:3, 3] = positions[at]
         if at in scales:
             local[:3, :3] = local[:3, :3] @ np.diag(scales[at])  # type: ignore[arg-type]
-        place = place @ local
-    return place
+        transform = transform @ local
+    return transform
 
 
 @pytest.mark.parametrize("lift", [-0.05, 0.0, 0.08])
@@ -472,7 +472,7 @@ def surface_of(recorder: CommandBuffer, path: str) -> dict[str, object]:
     return dict(command["object"]["materials"][0])
 
 
-def test_the_scene_stays_light(worn_twin: LegModel) -> None:
+def test_the_scene_stays_below_its_size_limit(worn_twin: LegModel) -> None:
     """What makes a page slow without a graphics card: triangles, draw calls, gloss, shadows on everything."""
     recorder = CommandBuffer()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
@@ -488,7 +488,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
     assert surface_of(recorder, f"{scene.figure.paths['left_hip']}/wearer_thigh")["opacity"] < 1.0  # type: ignore[operator]
 
 
-def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
+def test_bench_leg_does_not_touch_its_bench(bench: LegModel) -> None:
     recorder = CommandBuffer()
     build_scene(recorder, bench, environment=Environment.STAND)
     vertices = meshes_of(recorder)
@@ -553,7 +553,7 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     assert f"{environment.ROOT}/bench/vice" in meshes_of(recorder)
 
 
-def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Path) -> None:
+def test_a_urdf_without_visuals_gets_sticks_between_joints(tmp_path: Path) -> None:
     root = ElementTree.parse(packaged_urdf("twin.urdf")).getroot()
     for link in root.iter("link"):
         for visual in link.findall("visual"):

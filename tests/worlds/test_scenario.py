@@ -1,4 +1,4 @@
-"""What a world answers to the rest of the program, and that nobody asks which one it is."""
+"""Tests of the interface of worlds, and that no other module depends on a specific world."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAY_NAME = {
 }
 
 
-def test_no_room_names_a_world():
+def test_no_stage_names_a_world():
     package = Path(twin_gait.__file__).parent
     naming = {
         str(path.relative_to(package))
@@ -32,7 +32,7 @@ def test_no_room_names_a_world():
     assert naming == MAY_NAME
 
 
-def test_worlds_that_ship_are_found_by_their_kind():
+def test_shipped_worlds_are_found_by_their_kind():
     assert {"bench_leg", "overground", "treadmill"} <= set(world_kinds())
     assert find_world("treadmill") is Treadmill and find_world("bench_leg") is BenchLeg
 
@@ -47,14 +47,14 @@ def test_an_adjusted_treadmill_is_one_with_that_number():
     assert share.value == world.support.share
 
 
-def test_only_what_a_world_offers_can_be_adjusted():
+def test_only_adjustable_quantities_of_a_world_can_be_adjusted():
     assert Treadmill().has_adjustments(BELT_SPEED, SUPPORT_SHARE) and not Treadmill().has_adjustments(
         "gravity"
     )
     assert not BenchLeg().has_adjustments(BELT_SPEED)
 
 
-def test_the_air_has_no_ground_and_the_belt_carries_what_the_ropes_leave():
+def test_without_ground_there_is_no_load_and_the_belt_carries_the_rest_of_the_supported_weight():
     bench, belt = BenchLeg(), Treadmill(slope=0.05)
     assert bench.walking is None and not bench.grounded and bench.adjustments == ()
     walking = belt.walking

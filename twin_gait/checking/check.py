@@ -61,13 +61,13 @@ def load_case(
     if isinstance(table, ModeTable):
         return build_case(table)
     preset = table.name if table is not None and table.name in presets() else DEFAULT_PRESET
-    own = load_experiment(experiment or preset, settings).experiment
+    loaded = load_experiment(experiment or preset, settings).experiment
     if table is None:
-        table = own.table
+        table = loaded.table
     elif experiment is None:  # the phases in which the legs start are not given
-        own = replace(own, scenario=own.scenario.replace_unknown_phases(table.phase_names))
-    drives = experiment is not None or set(table.joints) == set(own.table.joints)
-    return build_case(table, own if drives else None)
+        loaded = replace(loaded, scenario=loaded.scenario.replace_unknown_phases(table.phase_names))
+    drives = experiment is not None or set(table.joints) == set(loaded.table.joints)
+    return build_case(table, loaded if drives else None)
 
 
 def build_case(
@@ -109,7 +109,7 @@ def _pitches(world: World) -> tuple[float, float]:
 
 
 def _velocity(world: World, joint: JointName) -> float:
-    """Return the highest speed of a joint over both sides in [rad] / [s], from the URDF if it states one."""
+    """Return the highest speed of a joint over both sides in [rad/s], from the URDF if it states one."""
     highest = max(
         float(world.model.model.velocityLimit[world.model.index(side, joint)]) for side in world.model.sides
     )

@@ -18,7 +18,7 @@ _ENTRY = (TICK, TICK)
 
 @rule
 def ambiguity(case: CheckCase) -> Iterator[Finding]:
-    """Find two exits of a phase with different targets that can be open at once; time-outs are exempt."""
+    """Find two exits of a phase with different targets that can be open at once; timeouts are exempt."""
     space = signal_space(case)
     pairs = [pair for phase in space.table.phases for pair in itertools.combinations(space.guarded(phase), 2)]
     for first, second in pairs:
@@ -28,26 +28,26 @@ def ambiguity(case: CheckCase) -> Iterator[Finding]:
         point = None if one.target == other.target else space.first([one.guard, other.guard], times)
         if point is not None:
             reason = (
-                f"{label(one)} and {label(other)} can be open at once; when both are due {label(one)} wins"
+                f"{label(one)} and {label(other)} can be open at once; if both are due, {label(one)} is taken"
             )
-            suggestion = "let a condition of one exclude the other, or waive it if the order is meant"
+            suggestion = "let a condition of one exclude the other, or waive the finding if this is intended"
             shown = space.counterexample(point)
             yield transition_finding(other, Severity.WARNING, reason, suggestion, counterexample=shown)
 
 
 @rule
 def never_opens(case: CheckCase) -> Iterator[Finding]:
-    """Find exits whose guard never opens inside limits and time-out, or closes before its debounce ends."""
+    """Find exits whose guard never opens inside limits and timeout, or closes before its debounce ends."""
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
         opens = space.opening(index) is not None
         if space.can_fire(index) or (item.is_timeout and not opens):
             continue
         earliest, latest = space.window(index)
-        too_long = f"the debounce of {item.debounce_ticks} ms cannot be over"
-        what = too_long if opens else f"no signals inside the limits open {_short(item.guard)}"
-        reason = f"{what} from {earliest:g} to {latest:g} s in the phase"
-        suggestion = "correct thresholds, debounce or time-out, or take the transition out"
+        too_long = f"the debounce of {item.debounce_ticks} ms cannot end"
+        problem = too_long if opens else f"no signals inside the limits open {_short(item.guard)}"
+        reason = f"{problem} from {earliest:g} to {latest:g} s in the phase"
+        suggestion = "correct thresholds, debounce or timeout, or remove the transition"
         yield transition_finding(item, Severity.ERROR, reason, suggestion)
 
 
@@ -65,10 +65,10 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
                 ranges = {
                     name: space.range(name) for name in compared_signals(atom) if not name.endswith(TIME)
                 }
-                lies = [f"{name} lies in {low:.4g} … {high:.4g}" for name, (low, high) in ranges.items()]
+                lies = [f"{name} is in {low:.4g} … {high:.4g}" for name, (low, high) in ranges.items()]
                 truth = "never" if True in missing else "always"
                 reason = "; ".join([f"{_short(atom)} is {truth} true", *lies])
-                suggestion = "move the threshold inside the range, or take the condition out"
+                suggestion = "move the threshold inside the range, or remove the condition"
                 yield transition_finding(item, Severity.WARNING, reason, suggestion)
 
 
@@ -82,11 +82,11 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
     """Find phases that can be entered while one of their exits is already open.
 
     The finding is a warning if the phase is left in its first tick. It is a note if a debounce or a minimum
-    duration holds the phase for a while, or if the phase is entered by a time-out, at which the signals may
+    duration holds the phase for a while, or if the phase is entered by a timeout, at which the signals may
     have any values.
     """
     space = signal_space(case)
-    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
+    suggestion = "separate the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
     for into, entry in enumerate(space.table.transitions):
         earliest, latest = space.window(into)
         times = {TIME: (earliest, min(earliest, latest) if entry.is_timeout else latest), ENTRY_TIME: _ENTRY}
@@ -119,7 +119,7 @@ def hysteresis(case: CheckCase) -> Iterator[Finding]:
     The guard of the way back can open in the tick after the switch, within the noise of the signals.
     """
     space = signal_space(case)
-    suggestion = "part the thresholds by more than the noise, or give the way back a debounce_ms"
+    suggestion = "separate the thresholds by more than the noise, or give the transition back a debounce_ms"
     for there, first in enumerate(space.table.transitions):
         for back in space.exits(first.target) if not first.is_timeout else ():
             second = space.transition(back)

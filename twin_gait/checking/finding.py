@@ -49,7 +49,7 @@ class CheckCase:
     experiment: Experiment | None  # experiment that the table drives; None if no leg model has its joints
     # lowest and highest angle in [rad] of each joint of the table and of the trunk
     limits: Mapping[str, tuple[float, float]]
-    # highest speed of each joint of the table in [rad] / [s]
+    # highest speed of each joint of the table in [rad/s]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     first_phases: tuple[str, ...] = ()  # phase in which each leg starts; empty without an experiment
     built_setup: SimulationSetup | None = None  # simulation setup of the experiment, if it was built before
@@ -104,7 +104,7 @@ def invalid_waiver(case: CheckCase, rules: Collection[str]) -> Iterator[Finding]
     for waiver in case.table.waivers:
         known = waiver.rule in rules and waiver.phase in (None, *case.table.phases)
         if not known or not waiver.reason.strip():
-            reason = f"{waiver.rule!r} of the phase {waiver.phase!r} because {waiver.reason!r} waives nothing"
+            reason = f"{waiver.rule!r} of the phase {waiver.phase!r} because {waiver.reason!r} has no effect"
             yield Finding(Severity.ERROR, reason, suggestion, rule="invalid_waiver")
 
 

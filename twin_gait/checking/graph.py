@@ -10,8 +10,8 @@ from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
 Pair = tuple[str, str]
-# Longest acceptable time-out of a phase; the safety monitor accepts 5 s in a phase (an assumption).
-LATEST_TIME_OUT = 60.0  # [s]
+# Longest acceptable timeout of a phase; the safety monitor accepts 5 s in a phase (an assumption).
+LATEST_TIMEOUT = 60.0  # [s]
 
 
 def firing(case: CheckCase) -> list[Transition]:
@@ -43,7 +43,7 @@ def unreachable_phase(case: CheckCase) -> Iterator[Finding]:
         for start in (first, *case.table.externally_entered)
         for found in breadth_first_paths(firing(case), start)
     }
-    suggestion = "add or correct a transition into it, or take the phase out"
+    suggestion = "add or correct a transition into it, or remove the phase"
     for phase in case.table.phases:
         if phase not in reached:
             reason = f"no chain of transitions that can fire leads from {first} to {phase}"
@@ -61,7 +61,7 @@ def trap(case: CheckCase) -> Iterator[Finding]:
     groups = {tuple(phase for phase in table.phase_names if phase in group) for group in stuck}
     cycles = meant_cycles(table) if isinstance(table, GaitTable) else (table.phase_names[:1],)
     meant = [*cycles, *((phase,) for phase in table.externally_entered)]  # left from outside
-    suggestion = "add a transition that leads back, or declare it under cycles if it is meant"
+    suggestion = "add a transition that leads back, or declare it under cycles if it is intended"
     for names in sorted(groups, key=lambda names: table.phase_names.index(names[0])):
         if len(table.phases) > 1 and not any(set(group) <= set(names) for group in meant):
             reason = f"{', '.join(names)} can be entered but not left"
@@ -70,15 +70,15 @@ def trap(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def missing_timeout(case: CheckCase) -> Iterator[Finding]:
-    """Find phases without a time-out within a minute; if no exit opens, the leg stays there forever."""
+    """Find phases without a timeout within a minute; if no exit opens, the leg stays there forever."""
     space = signal_space(case)
     for phase in case.table.phases:
-        if space.exits(phase) and space.timeout(phase) > LATEST_TIME_OUT:
+        if space.exits(phase) and space.timeout(phase) > LATEST_TIMEOUT:
             reason = (
-                f"{phase} has no time-out within {LATEST_TIME_OUT:g} s: if none of its exits opens, the leg "
-                "stays in it for ever"
+                f"{phase} has no timeout within {LATEST_TIMEOUT:g} s: if none of its exits opens, the leg "
+                "stays in it forever"
             )
-            suggestion = "add a transition with after_s but neither all nor any, or waive it if it is to wait"
+            suggestion = "add a transition with after_s alone, or waive the finding if the phase is to wait"
             yield Finding(Severity.WARNING, reason, suggestion, phase=phase)
 
 
@@ -107,8 +107,8 @@ def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
     for item in transitions:
         before = breadth_first_paths(transitions, item.target)
         if (item.source, item.target) not in meant and item.source in before:
-            reason = f"the cycle {_chain(item, before)} is not one that is meant"
-            suggestion = "take the transition out, or declare the cycle under cycles"
+            reason = f"the cycle {_chain(item, before)} is neither declared nor the order of the phases"
+            suggestion = "remove the transition, or declare the cycle under cycles"
             yield transition_finding(item, Severity.ERROR, reason, suggestion)
 
 
@@ -143,8 +143,8 @@ PairStep = tuple[str, tuple[int, ...]]
 
 def _steps(space: SignalSpace, pair: Pair) -> Iterator[PairStep]:
     """Yield all steps out of a pair, whether signals allow them or not; the steps of one leg come first."""
-    for own, other in (pair, pair[::-1]):
-        yield from ((other, (index,)) for index in space.exits(own))
+    for phase, other in (pair, pair[::-1]):
+        yield from ((other, (index,)) for index in space.exits(phase))
     yield from ((pair[1], taken) for taken in itertools.product(*map(space.exits, pair)))
 
 
@@ -158,16 +158,16 @@ def signals_for(space: SignalSpace, other: str, taken: tuple[int, ...]) -> dict[
     point = space.opening(first, other) if all(map(space.can_fire, taken)) else None
     if point is not None and second:
         item = space.transition(first)
-        theirs = rename_signals(
+        other_guard = rename_signals(
             space.transition(second[0]).guard, swapped, lambda atom: item.source in atom.phases
         )
         times = {TIME: space.window(first), OTHER_TIME: space.window(second[0])}
-        point = space.first([item.guard, theirs], times, other)
+        point = space.first([item.guard, other_guard], times, other)
     return None if point is None else {**space.counterexample(point), OTHER_PHASE: other}
 
 
-def _sorted(own: str, other: str) -> Pair:
-    return min(own, other), max(own, other)
+def _sorted(one: str, other: str) -> Pair:
+    return min(one, other), max(one, other)
 
 
 @once
@@ -177,8 +177,8 @@ def reachable_pairs(case: CheckCase) -> list[Pair]:
     pairs = list(dict.fromkeys(_sorted(*pair) for pair in starting_pairs(case)))
     for pair in pairs:  # breadth first: pairs are appended while the loop runs
         for other, taken in _steps(space, pair):
-            own, *others = [space.transition(index).target for index in taken]
-            target = _sorted(own, *(others or [other]))
+            entered, *others = [space.transition(index).target for index in taken]
+            target = _sorted(entered, *(others or [other]))
             if target not in pairs and signals_for(space, other, taken) is not None:
                 pairs.append(target)
     return pairs
@@ -197,8 +197,8 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
         return
     swings = [phase for phase in case.table.phase_names if case.gait.is_swing(phase)]
     if not swings:
-        reason = "no phase is swing by its name, so whether both legs can swing at once is not known"
-        yield Finding(Severity.NOTE, reason, "let the names of the phases of swing contain the word")
+        reason = "no phase has swing in its name, so the rule cannot check whether both legs swing at once"
+        yield Finding(Severity.NOTE, reason, "add the word swing to the names of the phases of swing")
         return
     space, pairs, items = signal_space(case), reachable_pairs(case), case.table.transitions
     sure = case.experiment is not None or any(OTHER in str(item.guard) for item in items)
@@ -206,19 +206,22 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
         index for index, item in enumerate(items) if item.source not in swings and item.target in swings
     ]
     for index in lifting:
-        own = items[index].source
+        first_leg = items[index].source
         # The other leg swings already, or begins its swing in the same tick.
         steps: list[PairStep] = [(other, (index,)) for other in swings]
-        for other, taken in [*steps, *((items[place].source, (index, place)) for place in lifting)]:
-            found = signals_for(space, other, taken) if _sorted(own, other) in pairs else None
+        for other, taken in [*steps, *((items[second].source, (index, second)) for second in lifting)]:
+            found = signals_for(space, other, taken) if _sorted(first_leg, other) in pairs else None
             if found is not None:
                 exits = " and ".join(dict.fromkeys(label(items[number]) for number in taken))
                 together = " in the same tick" if len(taken) > 1 else ""
                 reason = (
-                    f"with one leg in {own} and the other in {other}, {exits} can bring both into "
+                    f"with one leg in {first_leg} and the other in {other}, {exits} can take both into "
                     f"swing{together}"
                 )
-                suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
+                suggestion = (
+                    "add other.phase in [phases of stance] to its guard, and start the legs in different "
+                    "phases"
+                )
                 severity = Severity.ERROR if sure else Severity.WARNING
                 yield transition_finding(items[index], severity, reason, suggestion, counterexample=found)
                 break
@@ -237,8 +240,8 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
         alone = (step for step in _steps(space, (first, second)) if len(step[1]) == 1)
         goes_on = any(signals_for(space, *step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
-            reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
-            suggestion = "let one of them be left in this case too, or give it a time-out"
+            reason = f"with one leg in {first} and the other in {second}, no signals let either leg switch"
+            suggestion = "add a transition out of one of them for this case, or a timeout"
             yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 

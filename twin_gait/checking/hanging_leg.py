@@ -21,7 +21,7 @@ from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 # Steps of central differences; the errors of both are far below the digits that any rule prints.
-_VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0.02 rad/s wide
+_VELOCITY_STEP = 1e-5  # [rad/s]; the steepest part of the friction law is 0.02 rad/s wide
 _ANGLE_STEP = 1e-4  # [rad]
 
 
@@ -33,13 +33,13 @@ def plant_friction(law: FrictionLaw) -> core.PlantFriction:
 
 @lru_cache(maxsize=4096)  # postures share their velocities
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
-    """Compute the friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
+    """Compute the friction torque of a law in [N·m] at a steady velocity in [rad/s], with its sign."""
     friction = plant_friction(law)
     return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity))
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:
-    """Compute the slope of a friction law in [N m s] / [rad] at a velocity in [rad] / [s].
+    """Compute the slope of a friction law in [N·m·s/rad] at a velocity in [rad/s].
 
     If the slopes of the two directions differ, the smaller one is returned; at rest, the one with bristles
     held.
@@ -92,7 +92,7 @@ class HangingLeg:
         return self._rows[:, index : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
     def torque_limits(self) -> np.ndarray:
-        """Return the largest torque of each joint by torque and current limit in [N m], ``(n_joints,)``."""
+        """Return the largest torque of each joint by torque and current limit in [N·m], ``(n_joints,)``."""
         return self._torque_limits
 
     @cached_property
@@ -103,7 +103,7 @@ class HangingLeg:
         return np.minimum([current_to_torque(limits.current, *gear) for gear in gears], limits.torque)
 
     def no_load_speed(self, joint: JointName) -> float:
-        """Compute the speed in [rad] / [s] at which the back-EMF equals the whole battery voltage."""
+        """Compute the speed in [rad/s] at which the back-EMF equals the whole battery voltage."""
         plant = self.setup.experiment.plant
         motor = plant.actuators[joint]
         return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
@@ -125,7 +125,7 @@ class HangingLeg:
     def signals(self, angles: np.ndarray, velocities: Sequence[float] | np.ndarray = ()) -> dict[str, float]:
         """Convert a posture to the units and digits of a counterexample.
 
-        ``angles``: in [rad]. ``velocities``: in [rad] / [s].
+        ``angles``: in [rad]. ``velocities``: in [rad/s].
         """
         held = zip(self.joints, np.degrees(angles).tolist(), strict=True)
         moving = zip(self.joints, np.degrees(velocities).tolist(), strict=False)
@@ -139,7 +139,7 @@ class HangingLeg:
         return np.clip(limits, -math.pi, math.pi)
 
     def mass(self, angles: np.ndarray) -> np.ndarray:
-        """Compute the inertia of the coupled joints in [kg m²], shape ``(n_joints, n_joints)``.
+        """Compute the inertia of the coupled joints in [kg·m²], shape ``(n_joints, n_joints)``.
 
         The armature is included.
         """
@@ -147,7 +147,7 @@ class HangingLeg:
         return self.plant.mass_matrix(q)[np.ix_(indices, indices)]
 
     def gravity(self, angles: np.ndarray) -> np.ndarray:
-        """Compute the torques that hold the leg against gravity in [N m], shape ``(n_joints,)``."""
+        """Compute the torques that hold the leg against gravity in [N·m], shape ``(n_joints,)``."""
         q, indices = self._posture(self.plant, angles)
         return self.plant.gravity_torque(q)[indices]
 
@@ -159,12 +159,12 @@ class HangingLeg:
 
     @cached_property
     def bristles(self) -> np.ndarray:
-        """Stiffness of the bristles of joints that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
+        """Stiffness of the bristles of joints that stick in [N·m/rad], shape ``(n_joints, n_joints)``."""
         laws = self.setup.experiment.plant.true_friction()
         return np.diag([plant_friction(laws[joint]).bristle_stiffness for joint in self.joints])
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
-        """Build the loop of a phase at its equilibrium angles, linearised at a velocity in [rad] / [s]."""
+        """Build the loop of a phase at its equilibrium angles, linearised at a velocity in [rad/s]."""
         experiment, angles = self.setup.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
@@ -184,7 +184,7 @@ class HangingLeg:
 
 
 def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np.ndarray:
-    """Compute the Jacobian of torques over angles in [N m] / [rad], shape ``(n, n)``."""
+    """Compute the Jacobian of torques over angles in [N·m/rad], shape ``(n, n)``."""
     steps = _ANGLE_STEP * np.eye(len(angles))
     columns = [(torque(angles + step) - torque(angles - step)) / (2.0 * _ANGLE_STEP) for step in steps]
     return np.array(columns).T
@@ -206,11 +206,12 @@ def _hanging_legs(setup: SimulationSetup) -> list[HangingLeg]:
 
 
 def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Side, str], LinearLoop]:
-    """Build the sampled loop of every phase that the stability rules use, for :func:`transition_matrix`.
+    """Build the sampled loop of every phase that the stability rules use.
 
-    The leg hangs in the air from a pelvis that is held, at the equilibrium angles of the phase.
+    :func:`~twin_gait.checking.linear_loop.transition_matrix` reads a loop. The leg hangs in the air
+    from a pelvis that is held, at the equilibrium angles of the phase.
 
-    ``experiment``: the experiment with its table. ``velocity``: velocity of all joints in [rad] / [s] at
+    ``experiment``: the experiment with its table. ``velocity``: velocity of all joints in [rad/s] at
     which the friction laws are linearised. Returns the loops by side and phase; one side only if both have
     the same numbers.
     """

@@ -2,8 +2,8 @@
 
 A frame is the time between two samples of the slow velocity: ten ticks of 1 ms. In each tick the firmware
 measures (:func:`twin_gait.core.control_tick.measure_joint`), computes a torque
-(:func:`twin_gait.control.joint_board.ask`) and holds it while the leg moves. Linearised, each of these steps
-is a matrix; their product over the ticks of a frame is exact, without averaging.
+(:func:`twin_gait.control.joint_board.compute_torque`) and holds it while the leg moves. Linearised, each of
+these steps is a matrix; their product over the ticks of a frame is exact, without averaging.
 """
 
 import math
@@ -38,9 +38,9 @@ def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> 
 
     The zero-order hold of :math:`M \ddot q = -K q - D \dot q + \tau`.
 
-    ``mass``: M in [kg m²], armature included, shape ``(n, n)``. ``stiffness``: K, the slope of the leg's own
-    torques over the angles, in [N m] / [rad], shape ``(n, n)``. ``damping``: diagonal of D, the slope of the
-    friction over the velocity, in [N m s] / [rad], shape ``(n,)``. Returns the motion.
+    ``mass``: M in [kg·m²], armature included, shape ``(n, n)``. ``stiffness``: K, the slope of the leg's own
+    torques over the angles, in [N·m/rad], shape ``(n, n)``. ``damping``: diagonal of D, the slope of the
+    friction over the velocity, in [N·m·s/rad], shape ``(n,)``. Returns the motion.
     """
     n = len(damping)
     inverse = np.linalg.inv(mass)
@@ -75,12 +75,12 @@ class LinearLoop:
     """Leg and firmware, linearised at a posture and a velocity, for n coupled joints."""
 
     motion: LegMotion  # motion of the leg in a tick
-    stiffness: np.ndarray  # k in [N m] / [rad], shape ``(n,)``
-    damping: np.ndarray  # b in [N m s] / [rad], applied to the fast velocity, shape ``(n,)``
+    stiffness: np.ndarray  # k in [N·m/rad], shape ``(n,)``
+    damping: np.ndarray  # b in [N·m·s/rad], applied to the fast velocity, shape ``(n,)``
     gain: np.ndarray  # G, applied to the slow velocity, shape ``(n,)``
-    # slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``
+    # slope of the compensator's friction model in [N·m·s/rad], shape ``(n,)``
     modelled_friction: np.ndarray
-    # slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``
+    # slope of the gravity compensation over the angles in [N·m/rad], shape ``(n, n)``
     feed_forward: np.ndarray
     fast_gain: float  # gain of the first-order filter of the fast velocity
     decimation: int  # ticks between two slow samples

@@ -15,7 +15,7 @@ from twin_gait.parameters.network import BOARDS, ImpedanceLocation, NetworkParam
 from twin_gait.simulation.simulation_setup import SimulationSetup
 
 # Units of the setpoints, in the order of a row of phases.
-_SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}
+_SETPOINTS = {"stiffness": " N·m/rad", "damping": " N·m·s/rad", "equilibrium": " rad", "gain": ""}
 
 
 class CyclicFrame(NamedTuple):
@@ -108,8 +108,8 @@ def bus_traffic(case: CheckCase) -> Iterator[Finding]:
     last = max(times, key=lambda name: times[name])
     reason = (
         f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {len(times)} frames every "
-        f"{1e3 * network.cycle:g} ms are {load:.0%} of what the bus carries; the last, {last}, arrives up "
-        f"to {1e3 * times[last]:.3f} ms after it is due"
+        f"{1e3 * network.cycle:g} ms are {load:.0%} of the capacity of the bus; the last one, {last}, "
+        f"arrives up to {1e3 * times[last]:.3f} ms after it is due"
     )
     if times[last] <= network.cycle:
         yield Finding(Severity.NOTE, reason, "")
@@ -124,7 +124,7 @@ def bus_value_range(case: CheckCase) -> Iterator[Finding]:
     if case.experiment is None or case.experiment.network is None:
         return
     problem, messages = case.setup, load_messages(case.experiment.network.dbc)
-    suggestion = "take a value within it, or a DBC file with a wider one"
+    suggestion = "choose a value within the range, or a DBC file with a wider range"
     found: dict[str, str] = {}  # reason by key, because both legs have the same keys
     for number, joint in enumerate(problem.joints):
         for key, value, unit, kind, signal in _bus_values(problem, case.experiment.network, number):
@@ -148,15 +148,15 @@ def _bus_values(
     joint, control = setup.joints[number], setup.experiment.control
     trip = control.safety.current_share * control.limits.current
     for sign in (1.0, -1.0):
-        yield "control.limits.torque_Nm", sign * control.limits.torque, " Nm", "setpoint", "torque"
+        yield "control.limits.torque_Nm", sign * control.limits.torque, " N·m", "setpoint", "torque"
         key = "control.limits.current_A times control.safety.current_share"
         yield key, sign * trip, " A", "measurement", "current"
     damping = control.safety.hold_damping
-    yield "control.safety.hold_damping_Nms_per_rad", damping, " Nms/rad", "setpoint", "damping"
+    yield "control.safety.hold_damping_Nms_per_rad", damping, " N·m·s/rad", "setpoint", "damping"
     target = control.target_torque.get(joint.joint, 0.0)
-    yield f"control.target_torque_Nm.{joint.joint}", target, " Nm", "setpoint", "torque"
-    leg, place = divmod(number, setup.joints_per_leg)
-    columns = setup.phase_rows[leg, :, place * COLUMNS_PER_JOINT : (place + 1) * COLUMNS_PER_JOINT]
+    yield f"control.target_torque_Nm.{joint.joint}", target, " N·m", "setpoint", "torque"
+    leg, position = divmod(number, setup.joints_per_leg)
+    columns = setup.phase_rows[leg, :, position * COLUMNS_PER_JOINT : (position + 1) * COLUMNS_PER_JOINT]
     for phase, row in zip(setup.table.phase_names, columns.tolist(), strict=True):
         for (signal, unit), value in zip(_SETPOINTS.items(), row, strict=True):
             if network.impedance is not ImpedanceLocation.CCU or signal not in ("stiffness", "damping"):

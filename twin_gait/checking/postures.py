@@ -39,7 +39,7 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
 
     This is the largest :math:`T_{plant}(\omega) - G\,T_{model}(\omega)` in either direction up to the
     break-away or Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity
-    friction slows a joint but no longer holds it. Returns torques in [N m], 0 or more, shape ``(n_joints,)``.
+    friction slows a joint but no longer holds it. Returns torques in [N·m], 0 or more, shape ``(n_joints,)``.
     """
     experiment = leg.setup.experiment
     true, model = experiment.plant.true_friction(), experiment.control.friction_model
@@ -52,7 +52,7 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
 
 @lru_cache(maxsize=32)  # all phases of a table and all tables of a search use the same few laws
 def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.ndarray]:
-    """Return the friction of the plant and of the model at creeping speeds, in [N m].
+    """Return the friction of the plant and of the model at creeping speeds, in [N·m].
 
     The friction of the plant is the larger one of both directions.
     """
@@ -70,7 +70,7 @@ class Rest:
     # rests with the left-over friction of every joint for or against it, shape ``(2 ** n_joints, n_joints)``
     corners: np.ndarray
     # largest speed towards the rest that the torque at the start can drive against the damper, with its sign,
-    # in [rad] / [s], shape ``(n_joints,)``
+    # in [rad/s], shape ``(n_joints,)``
     velocities: np.ndarray
 
     def path(self) -> np.ndarray:
@@ -84,19 +84,19 @@ class Rest:
 
 
 def _feed_forward(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Compute the gravity compensation plus the target torque in [N m], shape ``(n_joints,)``."""
+    """Compute the gravity compensation plus the target torque in [N·m], shape ``(n_joints,)``."""
     targets = leg.setup.experiment.control.target_torque
     target = np.array([targets.get(joint, 0.0) for joint in leg.joints])
     return np.asarray(leg.gravity_shares[phase] * leg.modelled_gravity(angles) + target)
 
 
 def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Compute the torques in [N m] by which the motors carry the leg: zero if the ground carries it."""
+    """Compute the torques in [N·m] by which the motors carry the leg: zero if the ground carries it."""
     return np.zeros(len(angles)) if in_contact(leg, leg.phases[phase]) else leg.gravity(angles)
 
 
 def command_at_rest(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Compute the torques that the controller commands at zero velocity, in [N m], ``(n_joints,)``."""
+    """Compute the torques that the controller commands at zero velocity, in [N·m], ``(n_joints,)``."""
     # The law is linear, so that it accepts arrays over the joints as well as numbers.
     stiffness, equilibrium = (leg.column(which)[phase] for which in (STIFFNESS, EQUILIBRIUM))
     springs = impedance_torque(angles, 0.0, stiffness, 0.0, equilibrium)  # type: ignore[arg-type]
@@ -104,7 +104,7 @@ def command_at_rest(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarr
 
 
 def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Compute the torques that move a leg from rest, within the limits, in [N m], ``(n_joints,)``.
+    """Compute the torques that move a leg from rest, within the limits, in [N·m], ``(n_joints,)``.
 
     Friction is left out. In the air the motors have to carry the leg; a foot in contact carries the leg
     itself.
@@ -117,7 +117,7 @@ def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarra
 def rest_posture(leg: HangingLeg, phase: int, start: np.ndarray, hold: np.ndarray) -> np.ndarray:
     """Find the posture at which the driving torques fall to the holding torques, or a stop is reached.
 
-    ``start``: posture in [rad]. ``hold``: holding torques in [N m]. Returns the posture in [rad]; each array
+    ``start``: posture in [rad]. ``hold``: holding torques in [N·m]. Returns the posture in [rad]; each array
     has the shape ``(n_joints,)``.
     """
     low, high = leg.limits().T
@@ -195,9 +195,10 @@ def _candidates(
     # If there are too many combinations, a fixed random selection is tested.
     few = count <= _MOST
     chosen = np.arange(count) if few else np.random.default_rng(0).choice(count, size=_MOST, replace=False)
-    places = np.unravel_index(chosen, list(map(len, several)))
+    rows_by_signal = np.unravel_index(chosen, list(map(len, several)))
     return {
-        name: np.array(values)[place] for name, values, place in zip(choices, several, places, strict=True)
+        name: np.array(values)[rows]
+        for name, values, rows in zip(choices, several, rows_by_signal, strict=True)
     }
 
 
@@ -223,20 +224,20 @@ def exit_postures(
     """Return the postures at which a guard opens on the way of the leg through the phase that it leaves.
 
     Each joint is anywhere between the entry of the phase and its rest, or next to a threshold of the guard,
-    at rest or at the speed of :class:`Rest`. A time-out occurs with the leg at rest.
+    at rest or at the speed of :class:`Rest`. A timeout occurs with the leg at rest.
 
-    Returns angles in [rad] and velocities in [rad] / [s], shape ``(n, 2, n_joints)``; n is 0 if the guard
+    Returns angles in [rad] and velocities in [rad/s], shape ``(n, 2, n_joints)``; n is 0 if the guard
     cannot open.
     """
     backgrounds = _backgrounds(space, index)
     if not backgrounds:
         return np.zeros((0, 2, len(leg.joints)))
-    own = _candidates(space, index, leg, rest, samples)
-    rows = _in_si(leg, own)
+    candidates = _candidates(space, index, leg, rest, samples)
+    rows = _in_si(leg, candidates)
     # The evaluation of a guard takes arrays as well as numbers: all candidates are tested at once.
     opened = np.zeros(rows.shape[-1], dtype=bool)
     for point in backgrounds:
-        everything: dict[str, Any] = {**point.signals, **own}
+        everything: dict[str, Any] = {**point.signals, **candidates}
         opened |= space.is_open(index, replace(point, signals=everything))
     if opened.any():
         return rows[..., opened].transpose(2, 0, 1)
@@ -258,7 +259,7 @@ def first_rests(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DE
     """Return the rests of a phase, one for each posture at which the exits into it open first.
 
     A leg switches as soon as the guard opens: of the postures of each guard that leads into the phase, the
-    one nearest to the entry of the preceding phase is taken. Time-outs count only if no guard leads into the
+    one nearest to the entry of the preceding phase is taken. Timeouts count only if no guard leads into the
     phase. ``depth``: number of preceding phases that are followed; the first of them is entered at rest.
     """
     number = space.table.phase_index(phase)

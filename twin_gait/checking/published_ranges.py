@@ -27,7 +27,7 @@ GAIN_RANGE = PublishedRange(0.20, 0.60, "the thesis on TWIN's joints, chapter 4"
 # Ogata, Modern Control Engineering (from memory, high confidence): a transient that neither oscillates much
 # nor is sluggish. No leg exoskeleton with a table of ζ per phase was found.
 DAMPING_RATIO_RANGE = PublishedRange(0.4, 0.8, "Ogata, Modern Control Engineering")
-# Ranges of stiffness in [N m] / [deg]. Hip and knee: the smallest and the largest spring that a fit by least
+# Ranges of stiffness in [N·m/deg]. Hip and knee: the smallest and the largest spring that a fit by least
 # squares finds in one of the five phases, in the mean curves of moment over angle of Winter (1991; slow,
 # normal) and Fukuchi et al. (2018; 0.9 and 1.2 m/s), for 75 kg: hip 16–231 N·m/rad, knee 0–359 N·m/rad.
 # The human hip in swing at 0.5 m/s, 34–66 N·m/rad (van der Kooij et al., 2022), and the knees of Sup et al.
@@ -50,18 +50,18 @@ def _find(case: CheckCase, suggestion: str, look: _Look) -> Iterator[Finding]:
     common: list[tuple[Side | None, Mapping[str, PhaseParameters]]] = [(None, case.gait.phases)]
     for side, phases in [*common, *case.gait.side_phases.items()]:
         for phase, parameters in phases.items():
-            said = [look(side, phase, name, joint) for name, joint in parameters.joints.items()]
-            seen = [text for text in said if text]
+            texts = [look(side, phase, name, joint) for name, joint in parameters.joints.items()]
+            seen = [text for text in texts if text]
             if seen:
                 yield Finding(Severity.WARNING, "; ".join(seen), suggestion, phase=phase, side=side)
 
 
-def _range_text(what: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
-    """Describe how a value lies outside a range; the text is empty if it is inside or if either is None."""
+def _range_text(label: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
+    """Describe how a value is outside a range; the text is empty if it is inside or if either is None."""
     if value is None or published is None or published.low <= value <= published.high:
         return ""
     least, most, source = published
-    return f"{what} {value:.2f}{unit} is outside {least:.2f} … {most:.2f}{unit} ({source})"
+    return f"{label} {value:.2f}{unit} is outside {least:.2f} … {most:.2f}{unit} ({source})"
 
 
 @rule
@@ -76,7 +76,7 @@ def unusual_gain(case: CheckCase) -> Iterator[Finding]:
         return _range_text(f"{name} G", joint.friction_compensation_gain, published)
 
     if case.experiment is not None:
-        yield from _find(case, "take a gain from 0.20 to 0.60", look)
+        yield from _find(case, "choose a gain from 0.20 to 0.60", look)
 
 
 @rule
@@ -97,9 +97,9 @@ def unusual_stiffness(case: CheckCase) -> Iterator[Finding]:
     """Find stiffnesses outside the published ranges of their joint."""
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
-        return _range_text(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " Nm/deg")
+        return _range_text(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " N·m/deg")
 
-    suggestion = "compare with the source; a drive with more friction and inertia needs more stiffness"
+    suggestion = "compare with the source; a drive with more friction and inertia needs a higher stiffness"
     return _find(case, suggestion, look)
 
 
@@ -114,19 +114,22 @@ def unusual_damping_ratio(case: CheckCase) -> Iterator[Finding]:
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         ratio = joint.damping_ratio
-        own = case.gait.side_phases
+        separate = case.gait.side_phases
         # A phase that both sides share is checked on a leg that has no phase of its own in its place.
         sharing = (
-            leg for leg in legs if side in (None, leg.side) and (side or phase not in own.get(leg.side, {}))
+            leg
+            for leg in legs
+            if side in (None, leg.side) and (side or phase not in separate.get(leg.side, {}))
         )
         leg = next(sharing, None)
         if ratio is None and leg is not None and joint.stiffness > 0.0:
-            index, place = leg.phases.index(phase), leg.joints.index(JointName(name))
+            index, joint_index = leg.phases.index(phase), leg.joints.index(JointName(name))
             k, b, zero = (leg.column(which)[index] for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
-            ratio = ratio_from_damping(float(b[place]), float(k[place]), leg.mass(zero)[place, place])
+            inertia = leg.mass(zero)[joint_index, joint_index]
+            ratio = ratio_from_damping(float(b[joint_index]), float(k[joint_index]), inertia)
         return _range_text(f"{name} ζ", ratio, DAMPING_RATIO_RANGE)
 
-    return _find(case, "take a damping ratio from 0.4 to 0.8", look)
+    return _find(case, "choose a damping ratio from 0.4 to 0.8", look)
 
 
 RULES = (unusual_gain, equilibrium_beyond_limits, unusual_stiffness, unusual_damping_ratio)

@@ -99,7 +99,7 @@ class SignalSpace:
         return self.table.transitions[index]
 
     def timeout(self, phase: str | None) -> float:
-        """Return the time in [s] at which the first pure time-out ends a phase; an hour if there is none."""
+        """Return the time in [s] at which the first pure timeout ends a phase; an hour if there is none."""
         exits = [item for item in self.table.transitions if item.source == phase and item.is_timeout]
         return min([(item.timeout_ticks or 0) * TICK for item in exits], default=LONGEST_STAY)
 
@@ -149,8 +149,8 @@ class SignalSpace:
         read = {name for requirement in requirements for name in compared_signals(requirement.guard)}
         timed = OTHER_TIME in read and OTHER_TIME not in ranges
         for phases in [(phase,) for phase in others] if timed else [others]:
-            own = {OTHER_TIME: (0.0, self.timeout(phases[0])), **ranges}
-            for found in self._solutions(Case(phases, tuple(extra_bounds)), requirements, own):
+            all_ranges = {OTHER_TIME: (0.0, self.timeout(phases[0])), **ranges}
+            for found in self._solutions(Case(phases, tuple(extra_bounds)), requirements, all_ranges):
                 decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
                 yield replace(found, phase_decides=decides)
 

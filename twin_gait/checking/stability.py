@@ -16,13 +16,13 @@ from twin_gait.checking.linear_loop import (
 )
 
 # Friction is linearised at rest and at 1 rad/s, in the direction in which it rises less.
-VELOCITIES = (0.0, 1.0)  # [rad] / [s]
+VELOCITIES = (0.0, 1.0)  # [rad/s]
 _ABOUT = ("rest", "±1 rad/s")
 LEAST_DAMPING_RATIO = 0.5
 # A joint without a spring has an eigenvalue of exactly 1, which rounding changes; this margin allows a growth
 # of 1 % in 17 minutes.
 NEUTRAL = 1e-7
-LARGEST_DAMPING = 1e5  # [N m s] / [rad]; the search goes no further
+LARGEST_DAMPING = 1e5  # [N·m·s/rad]; the search goes no further
 LARGEST_GAIN = 1.0  # the largest gain that a table may have
 _BISECTIONS = 12
 
@@ -103,7 +103,7 @@ def stability_margin(case: CheckCase) -> Iterator[Finding]:
                 f"spectral radius {max(phase.radii):.4f}, effective damping ratio {min(phase.ratios):.2f}; "
                 f"the loop is unstable beyond {_margins(phase)}"
             )
-            suggestion = "keep these distances when you change k, b or G"
+            suggestion = "stay below these values when you change k, b or G"
             yield phase.leg.finding(phase.name, Severity.NOTE, reason, suggestion)
 
 
@@ -152,15 +152,16 @@ def _margins(phase: _Phase) -> str:
     """Return the largest stable b and G of each joint as text, with the values of the table."""
 
     def margin(name: str, most: float, form: str, joint: int) -> str:
-        value, own = largest_value(phase.loops, name, joint, most), getattr(phase.loops[0], name)[joint]
+        value = largest_value(phase.loops, name, joint, most)
+        actual = getattr(phase.loops[0], name)[joint]
         over = "over " if value is not None and value >= most else ""
         found = "none" if value is None else f"{over}{value:{form}}"
-        return f"{phase.leg.joints[joint]} {found} ({own:{form}})"
+        return f"{phase.leg.joints[joint]} {found} ({actual:{form}})"
 
     joints = range(len(phase.leg.joints))
     damping = ", ".join(margin("damping", LARGEST_DAMPING, ".0f", joint) for joint in joints)
     gain = ", ".join(margin("gain", LARGEST_GAIN, ".2f", joint) for joint in joints)
-    return f"b {damping} Nms/rad and G {gain}, the table's in brackets"
+    return f"b {damping} N·m·s/rad and G {gain}, the values of the table in brackets"
 
 
 RULES = (unstable, effective_damping, stability_margin)

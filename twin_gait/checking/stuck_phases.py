@@ -1,4 +1,4 @@
-"""Rule that finds phases that a leg can leave by the time-out only, not by its own motors."""
+"""Rule that finds phases that a leg can leave by the timeout only, not by its own motors."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ _POINT = 1e-7  # [rad]; half the width of a range that represents one angle, abo
 
 @rule
 def cannot_leave(case: CheckCase) -> Iterator[Finding]:
-    """Find phases in which the leg comes to rest, or sticks, before any exit but the time-out opens.
+    """Find phases in which the leg comes to rest, or sticks, before any exit but the timeout opens.
 
     The rest is the static balance of the joints: spring with its torque, current and angle limits, gravity
     and its compensation, and the friction that compensation leaves over at the stated friction ratio. In
@@ -37,8 +37,9 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
                 if not at_rest:
                     causes = " or ".join(dict.fromkeys(item.cause for item in exits))
                     waits = len(guarded) < len(space.exits(phase))
-                    remains = "only the time-out remains" if waits else "there is no time-out"
-                    reason = f"by its motors the leg stops at {_words(leg, rest)}, where {causes} is not open"
+                    remains = "only the timeout remains" if waits else "there is no timeout"
+                    posture = _words(leg, rest)
+                    reason = f"without contact the motors hold the leg at {posture}, where {causes} is closed"
                     yield _finding(leg, phase, rest, in_motion, reason, remains)
 
 
@@ -48,12 +49,12 @@ def _finding(leg: HangingLeg, phase: str, rest: Rest, in_motion: bool, reason: s
     Otherwise it is a warning.
     """
     severity = Severity.WARNING if in_motion else Severity.ERROR
-    way = ", though it can be on the way" if in_motion else ", nor was it on the way"
+    way = ", though it can open on the way" if in_motion else ", and it did not open on the way"
     suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
     if in_contact(leg, phase):
         severity, way = Severity.WARNING, ""
         suggestion = (
-            "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
+            "declare driven_by: contact at an exit to which belt or other leg move the leg, or move the "
             "equilibrium beyond the threshold"
         )
     middle = leg.signals(rest.middle)

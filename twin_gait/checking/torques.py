@@ -26,9 +26,9 @@ class Jump(NamedTuple):
     """Largest change of the commanded torque of one joint over the postures of a switch."""
 
     joint: str
-    limit: float  # limit of the joint's torque in [N m]
-    whole: float  # change from the old phase to the new one, without blending, in [N m]
-    tick: float  # largest change in one tick with blending, at constant posture, in [N m]
+    limit: float  # limit of the joint's torque in [N·m]
+    whole: float  # change from the old phase to the new one, without blending, in [N·m]
+    tick: float  # largest change in one tick with blending, at constant posture, in [N·m]
     at: dict[str, float]  # signals of the posture of the larger change, each relative to its bound
 
     @property
@@ -53,14 +53,14 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     """Compute the largest change of the commanded torque at a switch, for each joint.
 
     The command is the sum of impedance, gravity compensation and friction compensation. ``samples``: angles
-    and velocities of :func:`postures`.
+    and velocities of :func:`exit_postures`.
     """
     table, laws = leg.setup.table, leg.setup.experiment.control.friction_model
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
     angles, velocities = samples[:, 0], samples[:, 1]
-    held, places = np.unique(angles, axis=0, return_inverse=True)  # many samples have the same posture
-    gravity = np.array([leg.modelled_gravity(posture) for posture in held])[places]
+    held, inverse = np.unique(angles, axis=0, return_inverse=True)  # many samples have the same posture
+    gravity = np.array([leg.modelled_gravity(posture) for posture in held])[inverse]
     speeds = zip(leg.joints, velocities.T, strict=True)
     friction = np.array([_friction(laws[name], row) for name, row in speeds]).T
     columns = [leg.column(which) for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
@@ -73,15 +73,15 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     whole = np.abs(commands[-1] - commands[0])
     tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None, None]).max(axis=0)
     worst = np.argmax(np.maximum(whole, tick / KNOCK), axis=0)
-    at = [leg.signals(*samples[place]) for place in worst]
+    at = [leg.signals(*samples[sample]) for sample in worst]
     jumps = zip(leg.joints, leg.torque_limits(), whole.max(axis=0), tick.max(axis=0), at, strict=True)
     return [Jump(*jump) for jump in jumps]
 
 
 def _friction(law: FrictionLaw, velocities: np.ndarray) -> np.ndarray:
-    """Return the friction torques in [N m] at velocities in [rad] / [s]; equal ones are computed once."""
-    speeds, places = np.unique(velocities, return_inverse=True)
-    return np.array([friction_torque(law, speed) for speed in speeds.tolist()])[places]
+    """Return the friction torques in [N·m] at velocities in [rad/s]; equal ones are computed once."""
+    speeds, inverse = np.unique(velocities, return_inverse=True)
+    return np.array([friction_torque(law, speed) for speed in speeds.tolist()])[inverse]
 
 
 @rule
@@ -107,11 +107,11 @@ def torque_jump(case: CheckCase) -> Iterator[Finding]:
                 continue
             length = _blend(leg, space.table.phase_index(item.target))[0][-1]
             reason = (
-                f"the commanded {worst.joint} torque changes by up to {worst.whole:.0f} Nm, with a blend of "
-                f"{1e3 * TICK * length:g} ms by up to {worst.tick:.1f} Nm in a tick; the limit is "
-                f"{worst.limit:.0f} Nm"
+                f"the commanded {worst.joint} torque changes by up to {worst.whole:.0f} N·m, with a blend of "
+                f"{1e3 * TICK * length:g} ms by up to {worst.tick:.1f} N·m in a tick; the limit is "
+                f"{worst.limit:.0f} N·m"
             )
-            suggestion = "bring stiffness and equilibrium of the two phases closer, or blend for longer"
+            suggestion = "bring stiffness and equilibrium of the two phases closer, or use a longer blending"
             severity = Severity.ERROR if worst.tick > worst.limit else Severity.WARNING
             shown = {"side": leg.shown_side, "counterexample": worst.at}
             yield transition_finding(item, severity, reason, suggestion, **shown)
@@ -129,8 +129,8 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
     and its continuation beyond :math:`\zeta = 1`.
 
-    ``deflection``: A in [rad]. ``stiffness``: k in [N m] / [rad]. ``damping``: b in [N m s] / [rad].
-    ``inertia``: I in [kg m²]. Returns the speed in [rad] / [s], 0 or more.
+    ``deflection``: A in [rad]. ``stiffness``: k in [N·m/rad]. ``damping``: b in [N·m·s/rad].
+    ``inertia``: I in [kg·m²]. Returns the speed in [rad/s], 0 or more.
     """
     if stiffness == 0.0 or deflection == 0.0:
         return 0.0
@@ -152,7 +152,7 @@ def stiffness_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     before, with the joints at rest.
     """
     space = signal_space(case)
-    suggestion = "lower the stiffness, or begin the phase closer to its equilibrium"
+    suggestion = "lower the stiffness, or enter the phase closer to its equilibrium"
     for leg in hanging_legs(case):
         for number, phase in enumerate(leg.phases):
             starts = [rest.start for rest in first_rests(space, leg, phase)]
@@ -169,9 +169,9 @@ def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterat
         worst = int(np.argmax(np.abs(commands[:, joint])))
         if abs(commands[worst, joint]) > limit:
             yield (
-                f"the {name} asks for {commands[worst, joint]:.0f} Nm where it enters at "
+                f"the spring of the {name} needs {commands[worst, joint]:.0f} N·m at the entry at "
                 f"{math.degrees(starts[worst][joint]):.1f}°; the "
-                f"{'torque' if limit == torque_limit else 'current'} limit gives {limit:.0f} Nm"
+                f"{'torque' if limit == torque_limit else 'current'} limit gives {limit:.0f} N·m"
             )
         k, b, zero = (float(leg.column(which)[phase, joint]) for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
         released = ((start[joint] - zero, leg.mass(start)[joint, joint]) for start in starts)

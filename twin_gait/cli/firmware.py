@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     out = arguments.out
     if out is None and not arguments.verify:
-        raise ParameterError("--out: expected the folder to write, or --verify to keep nothing")
+        raise ParameterError("--out: expected the folder to write, or --verify to write none")
     loaded = options.load_experiment(arguments)
     document: dict[str, Any] = {}
     kind = FolderKind("a firmware folder", MANIFEST)

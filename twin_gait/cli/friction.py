@@ -58,7 +58,8 @@ def add_parser(commands: Any) -> None:
     add("--joint", choices=("hip", "knee"), help="joint with the motor and gear of logs with a current")
     text = "filter of logs with a current (zero_phase)"
     add("--processing", choices=("zero_phase", "thesis"), default="zero_phase", help=text)
-    add("--physical", action="store_true", help="fit no negative friction, and break-away at least Coulomb")
+    text = "fit only friction of 0 or more, with break-away friction of at least Coulomb friction"
+    add("--physical", action="store_true", help=text)
     add("--no-cross-validation", action="store_true", help="skip the fits that leave out one file each")
     bench = parser.add_argument_group("test bench, for logs with a current")
     for field, (flag, unit, text) in {**_BENCH, **_MOTOR}.items():
@@ -91,7 +92,7 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     if diverged:
         print(f"  diverged: {', '.join(diverged)}")
     if result["status"] is RunStatus.INTERRUPTED:
-        return terminal.report_stop("the logs so far are kept")
+        return terminal.report_stop("the logs that are complete have been written")
     return DONE
 
 
@@ -115,8 +116,8 @@ def identify(arguments: argparse.Namespace) -> int:
     joint = None if arguments.joint is None else JointName(arguments.joint)
     pictures = not arguments.no_pictures
     document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
-    told = {**document, "directory": arguments.out}
-    answer(arguments, lines("identification.txt", {**told, "laws": PARAMETER_FILES}), told)
+    output = {**document, "directory": arguments.out}
+    answer(arguments, lines("identification.txt", {**output, "laws": PARAMETER_FILES}), output)
     return DONE
 
 
@@ -157,7 +158,7 @@ def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
         if not motor:
             return None
         if missing := [flag for field, (flag, _, _) in _MOTOR.items() if field not in motor]:
-            raise ParameterError(f"--joint: without it a motor needs {', '.join(missing)}, too")
+            raise ParameterError(f"--joint: is missing; add it, or add {', '.join(missing)} as well")
     stated: dict[str, Any] = options.drop_none(**{field: getattr(arguments, field) for field in _BENCH})
     if arguments.start_angle_deg is not None:
         stated["start_angle"] = math.radians(arguments.start_angle_deg)
@@ -176,5 +177,5 @@ def _files(paths: list[Path]) -> Iterator[Path]:
     for path in (path.expanduser() for path in paths):
         found = sorted(path.glob("*.log")) if path.is_dir() else [path]
         if not found:
-            raise ParameterError(f"{path}: the folder has no .log file")
+            raise ParameterError(f"{path}: expected a folder with .log files, got none")
         yield from found

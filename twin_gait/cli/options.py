@@ -30,7 +30,7 @@ SEED = "seed of every random draw (0)"
 SHARED: dict[str, dict[str, Any]] = {
     "--json": {**_FLAG, "help": "print the result as one JSON document"},  # see terminal.answer
     "--no-pictures": {**_FLAG, "help": "leave out figures and animations"},
-    "--unchecked": {**_FLAG, "help": "run a gait table in which 'twin-gait check' finds errors"},
+    "--unchecked": {**_FLAG, "help": "run a gait table even if 'twin-gait check' finds errors in it"},
     "--seed": {"type": int, "default": 0, "metavar": "N", "help": SEED},
     "--port": {"type": int, "default": FIRST_PORT, "metavar": "N", "help": _PORT},
     "--no-browser": {**_FLAG, "help": "print the address of the page and open no browser"},
@@ -80,9 +80,10 @@ def check_port(port: int) -> None:
 
 
 def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
-    """Add the experiment, the options that change it, and ``--unchecked``; :func:`experiment_of` reads them.
+    """Add the experiment, the options that change it, and ``--unchecked``.
 
-    ``seconds`` is the text that states the duration of a run without ``--duration``; None omits that option.
+    :func:`load_experiment` reads them. ``seconds`` is the text that states the duration of a run without
+    ``--duration``; None omits that option.
     """
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
@@ -142,7 +143,7 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
         see = f"; see {shlex.join(['twin-gait', 'check', '--experiment', source, *words])}"
     if "errors" in numbers:
         worst = f"{heading(findings[0])}: {findings[0].reason}"
-        raise GaitTableError(f"{table}; {worst}{see}; --unchecked runs it as it is")
+        raise GaitTableError(f"{table}; {worst}{see}; correct it, or run it with --unchecked")
     print(f"{table}{see}", file=sys.stderr)
 
 
@@ -151,7 +152,7 @@ def worker_count(arguments: argparse.Namespace) -> int:
     if arguments.workers is None:
         return PROCESSORS
     if getattr(arguments, "scheduler", None) is not None:
-        raise ParameterError("--workers: does not go with --scheduler, which has workers of its own")
+        raise ParameterError("--workers: leave it out, because --scheduler has workers of its own")
     if arguments.workers < 1:
         raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
     return int(arguments.workers)
@@ -165,14 +166,15 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
     """
     ending = path.suffix[1:].lower()
     if form and ending in _ENDINGS and ending != form:
-        raise ParameterError(f"{flag} {path}: ends in .{ending}, but {form} is written")
+        raise ParameterError(f"{flag} {path}: expected a name that ends in .{form}, got .{ending}")
     check_replaceable(path)
     if path.is_dir():
-        raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
+        raise RunDirectoryError(f"{flag} {path}: is a directory; give the name of a file")
     if path.exists() and not force:
         raise RunDirectoryError(f"{path}: exists; choose another {flag}, or replace it with --force")
     if not path.absolute().parent.is_dir():
-        raise RunDirectoryError(f"{flag} {path}: there is no directory {path.absolute().parent}")
+        parent = path.absolute().parent
+        raise RunDirectoryError(f"{flag} {path}: there is no directory {parent}; create it first")
 
 
 def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[str, str]:
@@ -182,7 +184,7 @@ def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[st
     for part in filter(None, (item.strip() for item in text.split(","))):
         key, _, value = (item.strip() for item in part.partition("="))
         if not key or not value or key in found or (allowed is not None and key not in allowed):
-            raise ParameterError(f"{flag}: expected NAME=VALUE,…, each name{of} once, got {part!r}")
+            raise ParameterError(f"{flag}: expected NAME=VALUE,…, each name{of} only once, got {part!r}")
         found[key] = value
     return found
 

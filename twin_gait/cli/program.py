@@ -165,7 +165,7 @@ def _report_error(error: Exception, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and error.filename is not None:  # a path that the system refuses
         line = f"{error.filename}: {error.strerror}"
     elif isinstance(error, RuntimeError) and line == NO_HOME:
-        line = "~: this user has no home directory; set HOME, or write the whole path"
+        line = "~: this user has no home directory; set HOME, or give the whole path"
     elif not isinstance(error, TwinGaitError):
         status, line = terminal.DEFECT, _describe_defect(error, arguments)
     print(f"twin-gait: {' '.join(line.split())}", file=sys.stderr)
@@ -179,13 +179,14 @@ def _describe_defect(error: Exception, arguments: Sequence[str]) -> str:
 
     cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:
+        # The file has mode 0600, because arguments may contain names of people.
         with tempfile.NamedTemporaryFile(
             "w", prefix="twin_gait_report_", suffix=".txt", delete=False, encoding="utf-8", errors="replace"
-        ) as file:  # mode 0600, because arguments may contain names of people
+        ) as file:
             file.write(f"twin_gait {__version__}, Python {sys.version}, {platform.platform()}\n")
             file.write(f"arguments: {list(arguments)!r}\n\n")
             file.writelines(traceback.format_exception(error))
         kept = f"the report is in {file.name}"
     except OSError as problem:
-        kept = f"no report could be kept ({problem.strerror})"
-    return f"this should not have happened ({cause}); {kept}; --debug shows all"
+        kept = f"no report could be written ({problem.strerror})"
+    return f"internal error ({cause}); {kept}; --debug prints the traceback"

@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
     action.add_argument(
         "folder", nargs="?", type=Path, default=Path("runs"), metavar="DIR", help="folder (runs)"
     )
-    action.add_argument("--yes", action="store_true", help="remove the folders instead of listing them only")
+    action.add_argument("--yes", action="store_true", help="remove the folders instead of only listing them")
 
 
 def _records(arguments: argparse.Namespace) -> Path:
@@ -59,12 +59,12 @@ def format_session(entry: Mapping[str, Any]) -> str:
 
     Characters of the record that cannot be printed are replaced, so that none can control the terminal.
     """
-    who, began = entry["user"] or "(nobody named)", entry["began"][:16].replace("T", " ")
-    counted = "{changes} changes, {refusals} refused, {versions} table versions".format_map(entry)
+    user, began = entry["user"] or "(no user name)", entry["began"][:16].replace("T", " ")
+    counted = "{changes} changes, {refusals} rejected, {versions} table versions".format_map(entry)
     left = {path: f"{path} (unfinished: twin-gait sessions complete {path})" for path in entry["unfinished"]}
     folders = ", ".join(left.get(path, path) for path in entry["folders"]) or "no run folder"
-    what = "{experiment}  {status}".format_map(entry)
-    line = f"{entry['id']:>4}  {began} UTC  {who}  {what}  {counted}  {folders}"
+    run = "{experiment}  {status}".format_map(entry)
+    line = f"{entry['id']:>4}  {began} UTC  {user}  {run}  {counted}  {folders}"
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in line)
 
 
@@ -91,7 +91,7 @@ def delete_session(arguments: argparse.Namespace) -> int:
     from twin_gait.live import session_records
 
     session_records.delete_session(_records(arguments), arguments.session)
-    print(f"session {arguments.session} deleted; its run folders stay")
+    print(f"session {arguments.session} deleted; its run folders were kept")
     return DONE
 
 
@@ -100,7 +100,7 @@ def complete_run(arguments: argparse.Namespace) -> int:
     from twin_gait.live import journal
 
     done = journal.complete(folders.journal_path(arguments.folder.expanduser().absolute()))
-    print("\n".join(map(str, done)) or "nothing had been simulated")
+    print("\n".join(map(str, done)) or "nothing was written, because no tick had been simulated")
     return DONE
 
 
@@ -108,15 +108,15 @@ def clean(arguments: argparse.Namespace) -> int:
     """List or remove the incomplete folders of killed runs."""
     folder = arguments.folder.expanduser()
     if not folder.is_dir():
-        raise RunDirectoryError(f"{folder}: no such folder")
+        raise RunDirectoryError(f"{folder}: there is no such folder; check the path")
     found = folders.find_abandoned_folders(folder)
     for path in found:
         print(path)
         if arguments.yes:
             shutil.rmtree(path)
     if not found:
-        print(f"nothing of killed runs in {folder}")
+        print(f"there are no folders of killed runs in {folder}")
     elif not arguments.yes:
-        print("nothing was removed (--yes removes them)")
+        print("no folder was removed; add --yes to remove them")
         return FAILED
     return DONE

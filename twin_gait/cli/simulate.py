@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> None:
     add("--view", action="store_true", help="show the run in the browser afterwards")
     options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    add("--accuracy", action="store_true", help="repeat the run at other steps, print the error of each")
+    add("--accuracy", action="store_true", help="repeat the run at other steps, and print the error of each")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", walk_live)
@@ -52,7 +52,7 @@ def add_parser(commands: Any) -> None:
     text = "send the walk on a CAN bus, and execute a monitor's commands on it: udp_multicast:239.74.163.2, "
     add("--can", metavar="BUS", help=f"{text}socketcan:vcan0, …")
     options.add(parser, "--no-pictures")
-    add("--no-record", action="store_true", help="keep no record of the session")
+    add("--no-record", action="store_true", help="do not record the session")
 
 
 def simulate(arguments: argparse.Namespace) -> int:
@@ -87,7 +87,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     terminal.clear_line()
     lines = report(summary, out)
     if arguments.accuracy and accuracy is None:
-        lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
+        lines.append(f"  accuracy not computed, because the run is not completed ({result.status})")
     terminal.answer(arguments, lines, {**summary, "directory": out})
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
@@ -111,8 +111,9 @@ def note_inherited(loaded: LoadedExperiment) -> None:
         for section, values in found.items()
     )
     if found:
-        way_out = "set them too if your device has others"
-        print(f"device: inherited next to the values given: {'; '.join(parts)}; {way_out}", file=sys.stderr)
+        way_out = "set them as well if those of your device differ"
+        inherited = f"device: inherited values next to those that you set: {'; '.join(parts)}"
+        print(f"{inherited}; {way_out}", file=sys.stderr)
 
 
 def default_folder(name: str) -> Path:
@@ -177,7 +178,7 @@ async def _serve(
     try:
         await asyncio.to_thread(session.start)
         if arguments.can is not None and leaves_machine(arguments.can):
-            warning = "set points go out; no board that obeys them may hang on it"
+            warning = "setpoints are sent on this bus; no board that executes them may be connected to it"
             print(f"{arguments.can}: {warning}", file=sys.stderr)
         view.announce(page.url, browser=not arguments.no_browser)
         while session.walk.alive and not should_stop():
@@ -201,11 +202,11 @@ def _finish(session: LiveSession, interrupted: bool) -> int:
     if summary:
         print("\n".join(report(summary, *session.summaries)))
     if news.exit_reason:
-        _warn(f"{news.exit_reason}; the run is kept up to its last second")
+        _warn(f"{news.exit_reason}; the run was saved up to its last second")
     if session.failure:
         _warn(session.failure)
     elif news.store_failure and summary:
-        _warn(f"the run ends where it was no longer kept: {news.store_failure}")
+        _warn(f"the run ends at the time of a failed write: {news.store_failure}")
     if news.exit_reason or news.store_failure or session.failure or summary.get("status") == "diverged":
         return FAILED
     return INTERRUPTED if interrupted else DONE

@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
 
     parser = options.add_command(commands, "compare", compare)
     options.add_experiment(parser, seconds=f"{COMPARE_DURATION:g}")
-    text = f"names of controllers, separated by commas (all that suit the experiment, of {NAMES})"
+    text = f"names of controllers, separated by commas (all of {NAMES} that suit the experiment)"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
     parser.add_argument(
         "--seeds", type=int, default=1, metavar="N", help="runs that differ in mass, friction and speed (1)"
@@ -71,7 +71,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     spec = load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
         options.check_table(spec.experiment)
-    again = f"the same command goes on from there: {arguments.out}"
+    again = f"the same command resumes the sweep in {arguments.out}"
     pictures = not arguments.no_pictures
     try:
         with (
@@ -80,7 +80,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         ):
             result = run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except WorkersLost as error:
-        return terminal.report_stop(f"what is done is kept, and {again}", str(error), FAILED)
+        return terminal.report_stop(f"finished episodes have been written, and {again}", str(error), FAILED)
     document = {**result.summary, "directory": arguments.out}
     terminal.answer(arguments, lines("sweep.txt", document), document)
     return terminal.report_stop(again) if document["status"] is RunStatus.INTERRUPTED else DONE
@@ -98,7 +98,7 @@ def compare(arguments: argparse.Namespace) -> int:
     controllers = list(comparison.find_controllers(names or list(comparison.CONTROLLERS)))
     experiment = options.load_experiment(arguments, f"duration_s={COMPARE_DURATION:g}").experiment
     person = experiment.patient and experiment.patient.name
-    who = person or "the wearer of the experiment"
+    wearer = person or "the wearer of the experiment"
     out: Path = arguments.out or COMPARISONS / (person or "wearer")
     check_target(out, writing.COMPARISON, force=arguments.force)
     if not names:
@@ -107,9 +107,9 @@ def compare(arguments: argparse.Namespace) -> int:
         result = comparison.compare(experiment, controllers, seeds=arguments.seeds, **watch)
     if result is None:
         return terminal.report_stop("nothing was written")
-    writing.write_comparison(result, who, out, force=arguments.force)
+    writing.write_comparison(result, wearer, out, force=arguments.force)
     lines = [*writing.format_comparison(result), str(out / writing.PAGE_FILE)]
-    terminal.answer(arguments, lines, {**writing.comparison_summary(result, who), "directory": out})
+    terminal.answer(arguments, lines, {**writing.comparison_summary(result, wearer), "directory": out})
     return DONE
 
 
@@ -166,7 +166,7 @@ def faults(arguments: argparse.Namespace) -> int:
     healthy = simulate(replace(base, faults=()))
     terminal.clear_line()
     if problem := healthy.baseline_problem:
-        text = f"{base.name}, {base.duration:g} s without a fault: {problem}; faults in it show nothing"
+        text = f"{base.name}, {base.duration:g} s without a fault: {problem}; faults in it cannot be judged"
         known = {"experiment": base.name, "baseline_problem": problem, "faults": []}
         terminal.answer(arguments, [text], known)
         return FAILED
@@ -177,7 +177,8 @@ def faults(arguments: argparse.Namespace) -> int:
     lines = [f"{base.name}, {base.duration:g} s each, {len(table)} faults, seed {seed}"]
     if len(table):
         lines.append(outcome_table(table).to_string(index=False))
-        lines.append(f"a limit broken, a value empty or a hold left: {', '.join(broken[:5]) or 'none'}")
+        found = ", ".join(broken[:5]) or "none"
+        lines.append(f"faults with an exceeded limit, an empty value or an unfinished hold: {found}")
     document = {
         "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(status),
         "violations": broken, "faults": table.to_dict("records"),

@@ -58,7 +58,7 @@ def _output_errors() -> Iterator[None]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        reason = f"cannot be written ({error.strerror}); files are kept"
+        reason = f"cannot be written ({error.strerror}); written files are complete"
         raise OutputError(f"standard output: {reason}") from error
 
 
@@ -199,7 +199,7 @@ def note_compilation() -> None:
     """Print that the process of a live walk compiles the engine."""
     clear_line()
     print(
-        "twin-gait: compiling the engine for this walk; it is kept for later ones",
+        "twin-gait: compiling the engine for this experiment; later runs reuse it",
         file=sys.stderr,
         flush=True,
     )

@@ -68,7 +68,7 @@ def view(arguments: argparse.Namespace) -> int:
 
     targets, at, out, png = arguments.targets, arguments.at, arguments.out, arguments.png
     if len(targets) > 2:
-        raise ParameterError(f"expected one run or two, got {len(targets)}")
+        raise ParameterError(f"expected one or two run directories, or one URDF, got {len(targets)}")
     options.check_port(arguments.port)
     for option, path, form in (("--out", out, "html"), ("--png", png, "png")):
         if path is not None:
@@ -76,11 +76,11 @@ def view(arguments: argparse.Namespace) -> int:
     urdf = next((path for path in targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
     if urdf is not None:
         if len(targets) > 1 or at is not None:
-            raise ParameterError(f"{urdf}: is a URDF, which is shown by itself and without --at")
+            raise ParameterError(f"{urdf}: is a URDF; a URDF must be the only argument, without --at")
         page = urdf_page(urdf, up_axis=arguments.up or "z")
     else:
         if arguments.up is not None:
-            raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
+            raise ParameterError("--up: applies to a URDF only; leave it out, because a run states its axis")
         shown = [read_stored_run(path) for path in targets]
         longest = max(one.run.duration for one in shown)
         if at is not None and not 0.0 <= at <= longest + 1e-9:
@@ -200,15 +200,16 @@ def export(arguments: argparse.Namespace) -> int:
     suffix = "" if out is None else out.suffix.lower()
     kind = arguments.format or endings.get(suffix, "csv" if named is None else "mot")
     if kind not in ("mot", "sto", "opensim") and named is not None:
-        raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
+        problem = f"the format {kind} has this package's names and signs; leave it out"
+        raise ParameterError(f"--convention: {problem}")
     run, device = load_run(arguments.directory), arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
     path = out or arguments.directory / NAMES[kind]
     if kind != "opensim":
         options.check_file("--out", path, force=force, form=Path(NAMES[kind]).suffix[1:])
     if kind == "opensim":
-        own = FolderKind("a folder of this command", MODEL_FILE)
-        with staged_directory(path, own, force=force) as staging:
+        folder_kind = FolderKind("a folder that this command has written", MODEL_FILE)
+        with staged_directory(path, folder_kind, force=force) as staging:
             export_inverse_dynamics(run, staging, convention, device=device)
     elif kind == "csv":
         export_csv(run.log, path)

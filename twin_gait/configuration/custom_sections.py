@@ -40,15 +40,15 @@ class PatientSection(Section):
     def values(self) -> dict[str, Any]:
         """Return the fields that are given, in SI."""
         conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in WEARER_JOINTS}
-        does = {place: item for place, item in conditions.items() if item != JointCondition()}
-        return {**super().values(), "conditions": does}
+        changed = {key: item for key, item in conditions.items() if item != JointCondition()}
+        return {**super().values(), "conditions": changed}
 
     def _condition(self, side: Side, joint: JointName) -> JointCondition:
-        common, own = (getattr(getattr(self, name), joint).values() for name in ("both", side))
+        common, one_sided = (getattr(getattr(self, name), joint).values() for name in ("both", side))
         try:
-            return JointCondition(**{**common, **own})
+            return JointCondition(**{**common, **one_sided})
         except ParameterError as error:
-            raise ParameterError(f"{side if own else 'both'}.{joint}.{error}") from error
+            raise ParameterError(f"{side if one_sided else 'both'}.{joint}.{error}") from error
 
     @classmethod
     def document(cls, parameters: Patient) -> dict[str, Any]:
@@ -63,8 +63,8 @@ class PatientSection(Section):
             written = (_Condition.document(item).items() for item in conditions)
             left, right = ({key: value for key, value in item if value != usual[key]} for item in written)
             both = {key: value for key, value in left.items() if right.get(key) == value}
-            own = ({key: item[key] for key in item if key not in both} for item in (left, right))
-            for name, items in zip(SIDES, (both, *own), strict=True):
+            one_sided = ({key: item[key] for key in item if key not in both} for item in (left, right))
+            for name, items in zip(SIDES, (both, *one_sided), strict=True):
                 if items:
                     sides[name][str(joint)] = items
         document: dict[str, Any] = super().document(parameters)
@@ -145,7 +145,7 @@ class TransitionSection(Section):
     @model_validator(mode="after")
     def _one_condition(self) -> TransitionSection:
         if self.remove:
-            raise ValueError("remove: there is nothing inherited to remove; it goes with extends")
+            raise ValueError("remove: this table inherits no transition; use remove only with extends")
         if self.all is not None and self.any is not None:
             raise ValueError("give either all or any at this level; nest the other inside it")
         return self

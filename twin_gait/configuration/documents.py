@@ -34,8 +34,8 @@ def table_document(table: StateTable) -> dict[str, Any]:
     """Convert a table of gait or of modes to its file's mapping; reading it gives an equal table."""
     keys = {"phases": f"{table.kind}s", "waivers": "waive", "side_phases": "sides"}
     given = {keys.get(name, name): getattr(table, name, ()) for name in _FIELDS}
-    said = {key: to_yaml(value) for key, value in given.items() if value}
-    return {"schema_version": SCHEMA_VERSION, **said}
+    content = {key: to_yaml(value) for key, value in given.items() if value}
+    return {"schema_version": SCHEMA_VERSION, **content}
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:

@@ -38,7 +38,7 @@ _CHANGEABLE_KEYS_TEXT = (
     "table.sides.SIDE, control.target_torque_Nm.JOINT, {adjustable}monitor.control, monitor.steps_by_hand "
     "and monitor.SIDE_JOINT.QUANTITY"
 )
-STRONGEST_PUSH = 1000.0  # [N m]; a larger torque is a mistake of the unit, because it would break the leg
+STRONGEST_PUSH = 1000.0  # [N·m]; a larger torque is a mistake of the unit, because it would break the leg
 
 
 class PushEntry(Strict):
@@ -72,7 +72,7 @@ class EventEntry(Strict):
                 f"expected exactly one of {', '.join(_ACTIONS)}, got {' and '.join(given) or 'none'}"
             )
         if "fade_ms" in self.model_fields_set and self.set is None:
-            raise ValueError("fade_ms: goes with set only; leave it out")
+            raise ValueError("fade_ms: applies to set only; leave it out")
         return self
 
     @property
@@ -141,8 +141,8 @@ def _declaration(parameters: Any, name: str) -> Declaration:
 def _declared(parameters: Any, name: str, key: str, path: str) -> Iterator[tuple[str, ChangeableValue]]:
     """Yield the keys of a declared field, one for each of its units."""
     item = _declaration(parameters, name)
-    for own, factor in item.keys.items():
-        yield f"{key}.{own}", ChangeableValue(f"{path}.{name}", factor, item)
+    for unit_key, factor in item.keys.items():
+        yield f"{key}.{unit_key}", ChangeableValue(f"{path}.{name}", factor, item)
 
 
 def _impedance(key: str, path: str) -> Iterator[tuple[str, ChangeableValue]]:
@@ -181,7 +181,7 @@ def _changes(
             hint = f"did you mean {near[0]}? " if near else ""
             adjustable = "".join(f"{name}, " for name, _ in _adjustable(experiment))
             raise ParameterError(
-                f"{short(key)}: cannot change during a run; {hint}what can: "
+                f"{short(key)}: cannot change during a run; {hint}allowed: "
                 f"{_CHANGEABLE_KEYS_TEXT.format(adjustable=adjustable)}"
             )
         found[known[key].path] = known[key].value(key, value)
@@ -225,7 +225,8 @@ def faults_and_requests(
 
 def events_document(experiment: Experiment) -> list[dict[str, Any]]:
     """Convert the events of an experiment to its file, in SI; reading them gives equal events."""
-    keys = {place.path: key for key, place in changeable_keys(experiment).items() if place.factor == 1.0}
+    changeable = changeable_keys(experiment).items()
+    keys = {value.path: key for key, value in changeable if value.factor == 1.0}
     found = []
     for event in experiment.events:
         entry: dict[str, Any] = {"time_s": round(event.tick * TICK, 3)}
@@ -244,9 +245,9 @@ def events_document(experiment: Experiment) -> list[dict[str, Any]]:
 def changed_keys(before: Settings, after: Settings) -> dict[str, Any]:
     """Return the difference between two settings in the form of ``set`` of an event, in SI."""
     found = {}
-    for key, place in changeable_keys(after.experiment).items():
-        if place.factor == 1.0:
-            old, new = _at(before, place.path), _at(after, place.path)
+    for key, value in changeable_keys(after.experiment).items():
+        if value.factor == 1.0:
+            old, new = _at(before, value.path), _at(after, value.path)
             if new != old and new not in (None, MISSING):
                 found[key] = new
     return found

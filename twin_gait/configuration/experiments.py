@@ -1,4 +1,4 @@
-"""Loading of experiments from presets and files, merged with changes, and of people who wear the device.
+"""Loading of experiments from presets and files, merged with changes, and of wearers.
 
 Values for both sides of a wearer are under ``both``; ``left`` and ``right`` override them.
 """
@@ -33,11 +33,11 @@ from twin_gait.parameters.wearer import Patient
 from twin_gait.worlds.registry import describe_entry_point, find_world, load_plugin
 
 _HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
-# Keys whose value may be the name of a file that replaces the whole section, with the folder of shipped
-# files.
+# Keys whose value may be the name of a file that replaces the whole section, each with the folder of its
+# shipped files.
 _NAMED = {"patient": "patients", "table": "tables", "modes": "modes"}
-DEFAULT_PRESET = "treadmill"  # preset of commands without one
-GROUP = "twin_gait.presets"  # group of entry points, each of a package that contains YAML files
+DEFAULT_PRESET = "treadmill"  # preset of a command that names none
+GROUP = "twin_gait.presets"  # group of entry points; each refers to a package that contains YAML files
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,10 @@ def experiment_from_mapping(
 ) -> Experiment:
     """Convert a resolved mapping (presets merged, table inline) to an experiment.
 
-    ``folder``: folder to which relative paths refer. ``previous``: an experiment converted before; sections
-    that are identical objects in both are not converted again, because conversion takes most of the time.
+    ``source``: name of the mapping in messages. ``folder``: folder to which relative paths refer.
+    ``previous``: an experiment converted before; sections that are identical objects in both are not
+    converted again, because conversion takes most of the time. Raises ParameterFileError if the mapping has a
+    mistake.
     """
     known, table = {}, None
     if previous is not None:
@@ -82,8 +84,9 @@ def experiment_from_mapping(
         found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
         braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
-        standard, own = default_integration(engine, entry.scenario, braced=braced), entry.integration.values()
-        found["integration"] = convert_with_context(source, "integration", lambda: replace(standard, **own))
+        standard = default_integration(engine, entry.scenario, braced=braced)
+        given = entry.integration.values()
+        found["integration"] = convert_with_context(source, "integration", lambda: replace(standard, **given))
     if data.get("patient") is None:
         found["patient"] = None
     if previous is None or found["leg"] is not previous.experiment.leg:
@@ -94,8 +97,8 @@ def experiment_from_mapping(
     ):
         network = found["network"] = replace(found["network"], dbc=resolve_path(folder, found["network"].dbc))
         find_dbc(network.dbc)
-    urdf, wanted = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
-    if wanted is not None and wanted != urdf_hash(find_urdf(urdf)):
+    urdf, recorded_hash = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
+    if recorded_hash is not None and recorded_hash != urdf_hash(find_urdf(urdf)):
         problem = f"{urdf} is not the file that this experiment was made with; restore it, or remove this key"
         raise ParameterFileError(source, "provenance.urdf_sha256", problem)
     if not entry.events:
@@ -108,7 +111,7 @@ def experiment_from_mapping(
 
 
 def _experiment_section(scenario: Any, source: str) -> Any:
-    """Return the section of an experiment in its world."""
+    """Return the schema of an experiment in the world of a scenario."""
     if scenario is None:
         return section_of(Experiment)  # whose validation reports the missing key
     kind = scenario.get("kind") if isinstance(scenario, Mapping) else scenario
@@ -122,7 +125,7 @@ def _section_in(world: type[Any]) -> Any:
 
 
 def resolve_path(folder: Path, name: str) -> str:
-    """Return the absolute path of a file in ``folder`` or the working folder; else the name as it is."""
+    """Return the absolute path of a file in ``folder`` or the working folder; without it, the given name."""
     paths = (folder / name, Path(name).expanduser())
     return next((str(path.resolve()) for path in paths if path.is_file()), name)
 
@@ -135,8 +138,8 @@ def list_patients() -> dict[str, str]:
 def load_named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
     """Return the document that replaces the whole section ``patient``, ``table`` or ``modes``.
 
-    Returns None if the value only changes the section. The document is checked here, while the file of each
-    value is still known.
+    Returns None if the value only changes the section. The document is checked here, so that a message can
+    name the file that contains the mistake.
 
     ``value``: name of a shipped document, or path of a file; for a person also a mapping with such a name
     under ``preset`` and changes to it; for a table also a complete one, with ``schema_version`` or
@@ -177,7 +180,7 @@ def read_patient(path: Path) -> Patient:
 
 
 def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the section of a person's file, which is named after the file if it gives no name."""
+    """Return the parameters in a person's file; without ``name``, the name is that of the file."""
     person = {item: data[item] for item in data if item not in _HEADER}
     return {**person, "name": data.get("name") or path.stem}
 
@@ -193,9 +196,9 @@ def presets() -> dict[str, str]:
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
     """Load a preset or an experiment file.
 
-    A file may name a ``preset`` with which it is merged, a gait ``table`` and a ``patient`` by the name of a
-    packaged one or by path; all are resolved here. ``settings`` override everything; a table or patient
-    named in them replaces the whole section.
+    A file may name a ``preset`` with which it is merged, and a gait ``table``, a ``patient`` and ``modes``,
+    by the name of a packaged document or by path; all are resolved here. ``settings`` override everything; a
+    document that they name replaces the whole section.
 
     ``source``: name of a preset, or path of a YAML file. ``settings``: assignments such as
     ``patient.mass_kg=80``; keys of the table begin with ``table.``. Returns the experiment with its resolved
@@ -217,7 +220,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     paths = [keys for keys, _ in changes]
     if data.get("controller") is not None and ["control", "mode"] in paths and ["controller"] not in paths:
         raise ParameterFileError(
-            where, "control.mode", "the recorded controller takes its place; set controller=null too"
+            where, "control.mode", "the section controller replaces it; set controller=null, too"
         )
     document = _complete_document(data, where, path.parent)
     for keys, value in changes:
@@ -229,7 +232,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
 
 
 def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
-    """Add the default of every value that is left out to a mapping, with the other units as typed."""
+    """Return a mapping with the defaults of all values that it leaves out; given values keep their units."""
     plain = {key: value for key, value in data.items() if key != "events"}  # events have no default
     experiment = experiment_from_mapping(plain, source, folder)
     defaults = experiment_document(experiment)
@@ -256,11 +259,10 @@ def resolved_document(
 ) -> dict[str, Any]:
     """Return the mapping that reproduces an experiment, for ``experiment.yaml``.
 
-    The mapping as typed is kept if it still gives exactly this experiment; otherwise (the experiment was
-    created or changed in Python) everything is written in SI.
-
-    Integrator and step are written explicitly if they were defaults of the engine. ``files``: names of the
-    files of the experiment by section, instead of their absolute paths.
+    ``typed``: mapping from which the experiment was loaded, or None. It is kept if it still gives exactly
+    this experiment; otherwise, because the experiment was created or changed in Python, all values are in SI.
+    Integrator and step are always explicit. ``versions``: versions of the software, for the provenance.
+    ``files``: names of the files of the experiment by section, instead of their absolute paths.
     """
     document = experiment_document(experiment)
     table_hash = content_hash(document["table"])
@@ -320,20 +322,22 @@ def _find(source: str | Path) -> tuple[Path, str]:
         path = path / "experiment.yaml"
     if path.is_file():
         return path, str(path)
-    raise ParameterError(f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file")
+    expected = f"expected a preset ({', '.join(presets())}) or the path of an experiment file"
+    raise ParameterError(f"{source}: there is no such preset or file; {expected}")
 
 
 def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
     """Replace the names of documents in a file by their contents, and merge it with its preset."""
-    own = {key: value for key, value in data.items() if key != "preset"}
-    found = {key: load_named_document(key, own.get(key), path) for key in _NAMED}
+    given = {key: value for key, value in data.items() if key != "preset"}
+    found = {key: load_named_document(key, given.get(key), path) for key in _NAMED}
     whole = {key: document for key, document in found.items() if document is not None}
     name = data.get("preset")
     if name is None:
-        return own | whole
+        return given | whole
     below = _preset(name) if isinstance(name, str) else None
     if below is None:
         known = ", ".join(presets())
-        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}")
+        raise ParameterFileError(path, "preset", f"there is no preset {name!r}; expected one of {known}")
     base = {**_resolved(read_yaml(below), below), "name": path.stem}
-    return merge(base | dict.fromkeys(whole), own | whole)  # a whole section is not merged with the preset's
+    # A whole section is not merged with that of the preset.
+    return merge(base | dict.fromkeys(whole), given | whole)

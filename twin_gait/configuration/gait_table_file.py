@@ -1,6 +1,6 @@
-"""Gait tables, and tables of operating modes, as YAML: units in the keys of the file, SI in the tables.
+"""Gait tables and tables of operating modes as YAML files, with units in the keys; the tables are in SI.
 
-One gait table may extend another.
+A gait table may extend another one.
 """
 
 import re
@@ -45,7 +45,7 @@ _LISTS = {"transitions": ("from", "to", "cause"), "waive": ("rule", "phase", "tr
 
 @lru_cache
 def phase_section(joints: tuple[str, ...]) -> Any:
-    """Return the section of a phase of a table for some joints."""
+    """Return the schema of a phase of a table that controls some joints."""
     fields: dict[str, Any] = dict.fromkeys(joints, (type_of(table.JointImpedance), ...))
     section: Any = create_model("Phase", __base__=section_of(table.PhaseParameters), **fields)
     section.joints = joints
@@ -92,18 +92,18 @@ class ModeTableFile(_TableFile):
 
 
 def _shared(entry: Any, name: str, words: GuardVocabulary, source: str) -> dict[str, Any]:
-    """Return the common values of both kinds of tables, in SI; ``words``: signals of the guards."""
+    """Convert the values that both kinds of tables have; ``words``: signals that the guards may read."""
     transitions: dict[tuple[str, ...], table.Transition] = {}
     for index, written in enumerate(entry.transitions):
-        place = f"transitions[{index}]"
-        item = convert_with_context(source, place, partial(_transition, written, words))
+        location = f"transitions[{index}]"
+        item = convert_with_context(source, location, partial(_transition, written, words))
         if transitions.setdefault((item.source, item.target, item.cause), item) is not item:
-            problem = "the same from, to and cause as another one; leave one out, or give it another cause"
-            raise ParameterFileError(source, place, problem)
+            problem = "has the same from, to and cause as another one; leave one out, or change its cause"
+            raise ParameterFileError(source, location, problem)
     return {"name": entry.name or name, "transitions": tuple(transitions.values()), "waivers": entry.waive}
 
 
-# Names of the contents of a file in each folder of this package.
+# Kind of the documents in each folder of this package, for messages.
 _KINDS = {"tables": "gait table", "modes": "table of modes", "patients": "person"}
 
 
@@ -115,12 +115,13 @@ def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> P
     """
     shipped = packaged(kind)
     if isinstance(name, str | Path):
-        beside = [] if folder is None else [folder / name]
-        for candidate in (*beside, Path(name).expanduser(), shipped.get(str(name))):
+        in_folder = [] if folder is None else [folder / name]
+        for candidate in (*in_folder, Path(name).expanduser(), shipped.get(str(name))):
             if candidate is not None and candidate.is_file():
                 return candidate
     shown = short(name) if isinstance(name, list | dict) else repr(str(name))
-    raise ParameterError(f"no {_KINDS[kind]} {shown}: neither a file nor one of {', '.join(shipped)}")
+    expected = f"expected the path of a file, or one of {', '.join(shipped)}"
+    raise ParameterError(f"there is no {_KINDS[kind]} {shown}; {expected}")
 
 
 def packaged_gait_tables() -> list[str]:
@@ -131,7 +132,7 @@ def packaged_gait_tables() -> list[str]:
 class MergedTable(NamedTuple):
     """Gait table as a mapping, merged with the tables that it extends."""
 
-    data: dict[str, Any]  # the mapping, without ``extends``
+    data: dict[str, Any]  # the merged mapping, without ``extends``
     files: tuple[tuple[str, dict[str, Any]], ...]  # name and mapping of each file, the extending one first
 
 
@@ -143,12 +144,16 @@ def read_gait_table(path: Path) -> MergedTable:
 def merge_extended_table(
     data: dict[str, Any], path: Path, source: str, ancestors: tuple[Path, ...] = ()
 ) -> MergedTable:
-    """Merge a table with the one that its key ``extends`` names.
+    """Merge a table with the table that its key ``extends`` names; a table without the key stays as it is.
 
     Mappings are merged key by key, as presets are. A transition with the same from, to and cause replaces the
-    inherited one, ``remove: true`` removes it; a waiver of the same rule, phase and transition replaces the
-    inherited one. Other entries follow those of the extended table, which therefore come first where two
-    exits are due at once. The name is not inherited.
+    inherited one, or removes it with ``remove: true``. A waiver of the same rule, phase and transition
+    replaces the inherited one. All other entries follow the inherited ones, which therefore take precedence
+    if two exits are due in the same tick. The name is not inherited.
+
+    ``path``: file of the table, to whose folder a relative path refers. ``source``: name of the table in
+    messages. ``ancestors``: files of the tables that extend this one. Raises ParameterFileError if a table
+    cannot be read, or extends itself.
     """
     lists = {key: data.get(key) or [] for key in _LISTS}
     for key, entries in lists.items():
@@ -160,7 +165,8 @@ def merge_extended_table(
     found = convert_with_context(source, "extends", lambda: named_file(name, folder=path.parent))
     chain = (*ancestors, path.resolve())
     if found.resolve() in chain:
-        raise ParameterFileError(source, "extends", f"{name!r} extends this table itself")
+        problem = f"{name!r} is this table, or one that extends it; expected another table"
+        raise ParameterFileError(source, "extends", problem)
     base = merge_extended_table(read_yaml(found), found, str(found), chain)
     merged = merge({**base.data, "name": None}, {key: data[key] for key in data if key != "extends"})
     for key, entries in lists.items():
@@ -168,43 +174,47 @@ def merge_extended_table(
     return MergedTable(merged, ((source, data), *base.files))
 
 
-def _merge_lists(below: list[Any], own: list[Any], key: str, source: str, base: str) -> list[Any]:
-    """Merge the entries of two lists: an own entry replaces the inherited one that it identifies."""
+def _merge_lists(below: list[Any], entries: list[Any], key: str, source: str, base: str) -> list[Any]:
+    """Merge an inherited list with own entries; an own entry replaces the inherited one of equal identity.
 
-    def about(item: Any) -> tuple[Any, ...] | None:
+    ``base``: name of the table with the list ``below``, for messages.
+    """
+
+    def identity(item: Any) -> tuple[Any, ...] | None:
         """Return the identifying values of an entry; None for an entry that the schema rejects."""
         names = tuple(item.get(name) for name in _LISTS[key]) if isinstance(item, dict) else (0,)
         return names if all(name is None or isinstance(name, str) for name in names) else None
 
-    said: dict[Any, list[Any]] = {}
-    for item in own:
-        said.setdefault(about(item), []).append(item)
-    merged = [mine for item in below for mine in said.pop(about(item), [item])]
-    added = [mine for items in said.values() for mine in items]
-    removed = [item for item in own if about(item) and "from" in item and item.get("remove") is True]
+    replacements: dict[Any, list[Any]] = {}
+    for item in entries:
+        replacements.setdefault(identity(item), []).append(item)
+    merged = [entry for item in below for entry in replacements.pop(identity(item), [item])]
+    added = [entry for items in replacements.values() for entry in items]
+    removed = [item for item in entries if identity(item) and "from" in item and item.get("remove") is True]
     for item in removed:
         more = [name for name in item if name not in (*_LISTS[key], "remove")]
-        problem = f"{more[0]}: remove takes nothing beside from, to and cause" if more else ""
+        allowed = "an entry with remove has only from, to and cause"
+        problem = f"{more[0]}: leave it out, because {allowed}" if more else ""
         if item in added:
             start, end, cause = map(item.get, _LISTS[key])
-            problem = f"nothing to remove: {base} has no {start} → {end} ({cause})"
+            problem = f"there is nothing to remove: {base} has no transition {start} → {end} ({cause})"
         if problem:
-            raise ParameterFileError(source, f"{key}[{own.index(item)}]", problem)
+            raise ParameterFileError(source, f"{key}[{entries.index(item)}]", problem)
     return [item for item in merged + added if item not in removed]
 
 
 def load_gait_table(source: str | Path) -> table.GaitTable:
     """Read a gait table from a YAML file, or by the name of one that ships, such as ``treadmill``.
 
-    Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key,
-    value).
+    Raises ParameterError if there is no such table, and ParameterFileError with file, key and value if the
+    file has a mistake.
     """
     path = source if isinstance(source, Path) else named_file(source)
     return checked_table(read_gait_table(path), str(path), path.stem)
 
 
 def checked_table(found: MergedTable, source: str, name: str) -> table.GaitTable:
-    """Convert a table like :func:`gait_table_from_mapping`; errors name the file of an entry."""
+    """Convert a merged table like :func:`gait_table_from_mapping`; an error names the file of its entry."""
     try:
         return gait_table_from_mapping(found.data, source, name)
     except ParameterFileError as error:
@@ -213,13 +223,13 @@ def checked_table(found: MergedTable, source: str, name: str) -> table.GaitTable
         if merged is None:
             raise
         key, entry = merged[1], found.data[merged[1]][int(merged[2])]
-        file, place = next(
-            (file, place)
+        file, index = next(
+            (file, index)
             for file, data in found.files
-            for place, item in enumerate(data.get(key) or ())
+            for index, item in enumerate(data.get(key) or ())
             if item is entry
         )
-        raise ParameterFileError(file, "", f"{key}[{place}]{text[merged.end() :]}") from error
+        raise ParameterFileError(file, "", f"{key}[{index}]{text[merged.end() :]}") from error
 
 
 class ConvertedTable(NamedTuple):
@@ -229,7 +239,7 @@ class ConvertedTable(NamedTuple):
     table: table.GaitTable
 
     def apply_to(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Replace the parts of a mapping that are identical objects in this one by their converted values."""
+        """Return a mapping in which the parts that it shares with ``data`` are replaced by their values."""
         own, found = self.table, dict[str, Any]()
         parts = {"blending": own.blending, "scaling": own.scaling, "waive": own.waivers}
         for key, value in (parts | {"transitions": own.transitions}).items():
@@ -247,22 +257,24 @@ def gait_table_from_mapping(
     """Convert parsed YAML of the file ``source`` to a gait table, called ``name`` if it gives no name.
 
     ``previous``: a table converted before; parts that are identical objects in both are not converted again.
+    Raises ParameterFileError with file, key and value if there is a mistake.
     """
     entry: Any = validate(GaitTableFile, data if previous is None else previous.apply_to(data), source)
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
     }
-    # A table with only some of the five phases is a mistake unless it defines its cycle without the others.
+    # A table with only some of the five usual phases must declare a cycle without the others.
     if set(phases) < set(GaitPhase) and not entry.cycles:
         missing = ", ".join(phase for phase in GaitPhase if phase not in phases)
-        problem = f"missing {missing}; a cycle without them goes under cycles"
+        problem = f"missing {missing}; add them, or declare a cycle without them under cycles"
         raise ParameterFileError(source, "phases", problem)
     side_phases: dict[Side, dict[str, table.PhaseParameters]] = {}
     for side, differences in entry.sides.items():
         for phase, values in differences.items():
             key = f"sides.{side}.{phase}"
             if phase not in phases:
-                raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
+                problem = f"there is no such phase; expected one of {', '.join(phases)}"
+                raise ParameterFileError(source, key, problem)
             merged = merge(data["phases"][phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
     shared = _shared(entry, name, LEG_VOCABULARY, source)
@@ -271,7 +283,7 @@ def gait_table_from_mapping(
 
 
 def _phase(values: Any, joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
-    """Convert the settings of a phase, for all joints of the table and no others."""
+    """Convert the settings of a phase, which must have exactly the joints of the table."""
     if isinstance(values, table.PhaseParameters):
         return values
     entry: Any = validate(phase_section(joints), values, source, key)
@@ -295,14 +307,14 @@ def _guard(item: Any, words: GuardVocabulary) -> Guard:
         if kind in ("all", "any") and isinstance(inner, list) and inner:
             guards = tuple(_guard(part, words) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
-    expected = "expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
+    expected = "expected a text such as 'hip.angle_deg < -8', or all: or any: with a list of guards"
     raise GaitTableError(f"guard {short(item)}: {expected}")
 
 
 def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
     """Convert parsed YAML of the file ``source`` to a table of modes, called ``name`` if it gives no name.
 
-    Raises ParameterFileError if the file has a mistake; the message names file, key and value.
+    Raises ParameterFileError with file, key and value if there is a mistake.
     """
     entry: Any = validate(ModeTableFile, data, source)
     shared = _shared(entry, name, MODE_VOCABULARY, source)
@@ -326,7 +338,10 @@ def load_mode_table(source: str | Path) -> ModeTable:
 
 
 def load_state_table(source: str | Path) -> GaitTable | ModeTable:
-    """Read a gait table or a table of modes, with the errors of the functions for either of them."""
+    """Read a gait table or a table of modes from a YAML file, or by the name of one that ships.
+
+    :func:`load_gait_table` and :func:`load_mode_table` state the errors.
+    """
     if source in packaged_mode_tables():
         source = named_file(source, "modes")
     path = source if isinstance(source, Path) else named_file(source)

@@ -86,9 +86,9 @@ def _device(experiment: Experiment) -> ExperimentPart:
 
 def _controller(experiment: Experiment) -> ExperimentPart:
     """Return the name of the controller, and whether its settings are those of a preset."""
-    own, settings = experiment.controller, _control_hash(experiment)
-    if own is not None:
-        return ExperimentPart(own.name, None, _hash([user_controller_document(own), settings]))
+    controller, settings = experiment.controller, _control_hash(experiment)
+    if controller is not None:
+        return ExperimentPart(controller.name, None, _hash([user_controller_document(controller), settings]))
     shipped = any(_control_hash(_preset(preset)) == settings for preset in _presets())
     name = str(experiment.control.mode)
     return ExperimentPart(name, not shipped, _hash([name, settings]))

@@ -25,22 +25,22 @@ def inherited_values(document: Mapping[str, Any], given: Mapping[str, Any]) -> d
     Returns:
         Numbers by key, for each dotted path of a section.
     """
-    own = {_quantity(path) for path, _ in _leaves(given)}
-    touched = {path[:-1] for path in own if _is_device(path)}
+    given_quantities = {_quantity(path) for path, _ in _leaves(given)}
+    touched = {path[:-1] for path in given_quantities if _is_device(path)}
     scaled = {section[-1] for section in touched if section[-1] in list(JointName)}
     found: dict[str, dict[str, Any]] = {}
     for path, value in _leaves(document):
         if not _is_device(path) or isinstance(value, bool) or not isinstance(value, int | float):
             continue
         in_component = path[:-1] in touched and path[-1] not in list(JointName)
-        if (in_component or path[-1] in scaled) and _quantity(path) not in own:
+        if (in_component or path[-1] in scaled) and _quantity(path) not in given_quantities:
             found.setdefault(".".join(path[:-1]), {})[path[-1]] = value
     return found
 
 
 def _is_device(path: Path) -> bool:
     """Check whether a value belongs to a component of the device."""
-    return len(path) > 2 and any(path[: len(place)] == place for place in DEVICE)
+    return len(path) > 2 and any(path[: len(section)] == section for section in DEVICE)
 
 
 def _quantity(path: Path) -> Path:

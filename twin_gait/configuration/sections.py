@@ -27,16 +27,15 @@ class Section(Strict):
     """Section whose keys are the declared fields of a frozen dataclass with their units.
 
     Subclasses are created by :func:`section_of`; validated values of their fields are in SI. A field marked
-    with :class:`CustomSerialized` is read and written by the class that is registered with
-    :func:`register_section`.
+    with :class:`~twin_gait.parameters.quantities.CustomSerialized` is read and written by the class that is
+    registered with :func:`register_section`.
     """
 
     parameters: ClassVar[type[Any]]
     defaults: ClassVar[Mapping[str, Any]] = {}  # values with which sections and mappings inside are merged
-    inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields marked :class:`Inline`
-    keys: ClassVar[
-        Mapping[str, str]
-    ] = {}  # names of the fields by their keys, without CustomSerialized fields
+    inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields marked ``Inline``
+    # names of the fields by their keys, without CustomSerialized fields
+    keys: ClassVar[Mapping[str, str]] = {}
     required: ClassVar[Mapping[str, str]] = {}  # keys of the fields without a default by their names
 
     @model_validator(mode="before")
@@ -107,10 +106,8 @@ def to_yaml(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        unit, found = (
-            item.unit if item is not None and item.find_annotation(quantities.UnitInKeys) else None,
-            {},
-        )
+        found = {}
+        unit = item.unit if item is not None and item.find_annotation(quantities.UnitInKeys) else None
         for name, inner in value.items():
             end = f"_{next(iter(unit.factors))}" if unit and not isinstance(inner, Mapping) else ""
             found[f"{name}{end}"] = to_yaml(inner, item)
@@ -156,7 +153,8 @@ def _section_or_literal(parameters: type[Any], word: LiteralAlias) -> Any:
         if found.kind == word.kind:
             return found.convert()
         if found.model_fields_set > {"kind"}:
-            raise ValueError(f"{word.null_word} has nothing to set; leave it out, or set kind to {word.kind}")
+            remedy = f"leave them out, or set kind to {word.kind}"
+            raise ValueError(f"{word.null_word} has no parameters; {remedy}")
         return None
 
     return Annotated[model | words, WrapValidator(read)]
@@ -287,10 +285,10 @@ def _section(parameters: type[Any]) -> Any:
 def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
     """Return the type of a key, with its default and its description in a JSON Schema."""
     kind = _type(item, item.kind, factor)
-    said: dict[str, Any] = {}
+    limits: dict[str, Any] = {}
     if item.range is not None and item.kind in _PLAIN:
-        said = _limits(item.range.convert_unit(factor))
-    about: dict[str, Any] = {"description": item.meaning or None, "json_schema_extra": said or None}
+        limits = _limits(item.range.convert_unit(factor))
+    about: dict[str, Any] = {"description": item.meaning or None, "json_schema_extra": limits or None}
     if item.default is MISSING and not item.optional and len(item.keys) == 1:
         return kind, Field(**about)
     endless = item.range is not None and item.range.allows_infinity

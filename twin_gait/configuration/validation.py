@@ -1,6 +1,6 @@
-"""Safe reading of YAML, merging of mappings and parsing of ``--set key=value``; every error is one line.
+"""Safe reading of YAML, merging of mappings and parsing of ``--set key=value``.
 
-An error names file, key, value and the remedy.
+The message of every error is one line, which states file, key, value and remedy.
 """
 
 import copy
@@ -29,35 +29,41 @@ _JOINTS = frozenset(JointName)
 
 
 def quantity_of(key: str) -> str:
-    """Return the name of a key without its unit, equal for ``damping_ratio`` and ``damping_Nms_per_rad``.
+    """Return a key without its unit: ``damping`` for ``damping_ratio`` and ``damping_Nms_per_rad``.
 
     The longest matching unit is removed. Worlds of other packages may declare more units at any time.
     """
     if key.rpartition(".")[2] in _NO_UNIT:
         return key
-    place = key.find("_")
-    while place >= 0:
-        if key[place + 1 :] == "ratio" or key[place + 1 :] in EXCHANGEABLE:
-            return key[:place]
-        place = key.find("_", place + 1)
+    index = key.find("_")
+    while index >= 0:
+        if key[index + 1 :] == "ratio" or key[index + 1 :] in EXCHANGEABLE:
+            return key[:index]
+        index = key.find("_", index + 1)
     return key
 
 
 def reject_duplicate_units(keys: Iterable[Any], prefix: str = "") -> None:
-    """Raise ParameterError if keys at a place give one quantity in two units, which is ambiguous."""
-    said: dict[str, str] = {}
+    """Raise ParameterError if the keys of a mapping give one quantity in two units, which is ambiguous.
+
+    ``prefix``: key of the mapping, for the message.
+    """
+    keys_by_quantity: dict[str, str] = {}
     for key in keys:
-        other = said.setdefault(quantity_of(str(key)), key)
+        other = keys_by_quantity.setdefault(quantity_of(str(key)), key)
         if other != key:
             problem = f"{prefix}: expected exactly one of {other} or {key}, got both; leave one out"
             raise ParameterError(problem.removeprefix(": "))
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Merge changes into a mapping; a quantity given in another unit replaces the old one.
+    """Return a mapping merged with changes; a quantity that is given in another unit replaces the old one.
 
-    Neither mapping is modified; a value without a change is the same object in the result. Another friction
-    law of a joint has other keys and replaces the old one.
+    Neither mapping is modified. Values that do not change are the same objects in the result. If the friction
+    law of a joint changes, its whole section is replaced, because another law has other keys.
+
+    ``prefix``: key of the mapping, for messages. Raises ParameterError if the changes give one quantity in
+    two units.
     """
     reject_duplicate_units(changes, prefix)
     merged = dict(base)
@@ -85,7 +91,7 @@ _PATH = re.compile(rf"\s*{_NAME}(?:\.{_NAME})*\s*")
 
 
 def parse_assignment(text: str) -> tuple[list[str | int], Any]:
-    """Split ``patient.mass_kg=80`` into a path and a value."""
+    """Split ``patient.mass_kg=80`` into a path and a value; raise ParameterError if it cannot be read."""
     key, separator, value = text.partition("=")
     path = parse_path(key if separator else "", text)
     try:
@@ -103,7 +109,10 @@ def parse_path(key: str, text: str) -> list[str | int]:
 
 
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
-    """Split the assignments of one command line; the last one of equal keys counts."""
+    """Split the assignments of one command line; of two assignments to one key, the last one counts.
+
+    Raises ParameterFileError if two assignments give one quantity in two units.
+    """
     assignments = [parse_assignment(text) for text in texts]
     convert_with_context(
         "--set", "", lambda: reject_duplicate_units(_dotted(path) for path, _ in assignments)
@@ -112,10 +121,10 @@ def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]
 
 
 def assign(container: Any, path: Sequence[str | int], value: Any, depth: int = 0) -> Any:
-    """Return a mapping in which one value deep inside is replaced.
+    """Return a mapping in which the value at a path is replaced.
 
     ``container``: the mapping, or the value inside it at some ``depth`` of the path. Containers on the path
-    are copied; all others are shared and not modified.
+    are copied; all others are shared and not modified. Raises ParameterError if there is no such path.
     """
     step, ends = path[depth], depth == len(path) - 1
     if isinstance(step, str) and isinstance(container, dict):
@@ -128,7 +137,11 @@ def assign(container: Any, path: Sequence[str | int], value: Any, depth: int = 0
         changed = list(container)
         changed[step] = value if ends else assign(container[step], path, value, depth + 1)
         return changed
-    raise ParameterError(f"--set {_dotted(path[: depth + 1])}: there is no such place")
+    kind = "a mapping, whose values have names" if isinstance(container, dict) else "a single value"
+    if isinstance(container, list):
+        kind = f"a list with positions [0] to [{len(container) - 1}]" if container else "an empty list"
+    parent = _dotted(path[:depth]) or "the experiment"
+    raise ParameterError(f"--set {_dotted(path[: depth + 1])}: there is no such key; {parent} is {kind}")
 
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand bytes
@@ -146,7 +159,7 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
-        """Reject unknown keys with a suggestion; this comes first, so that missing keys are not reported."""
+        """Reject unknown keys with a suggestion, before missing keys are reported."""
         if not isinstance(data, (dict, Mapping)):
             return data
         quantities = _quantities(cls)
@@ -154,7 +167,7 @@ class Strict(BaseModel):
             if name not in quantities:
                 known = [info.alias or name for name, info in cls.model_fields.items()]
                 if present := present_name(str(name), known):
-                    problem = f"was renamed to {present} in schema version 2; write that"
+                    problem = f"was renamed to {present} in schema version 2; use the new name"
                     raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
                 near = " or ".join(repr(str(key)) for key in _nearest(str(name), known, cls))
                 hint = f"did you mean {near}? " if near else ""
@@ -201,19 +214,19 @@ class _Loader(yaml12.Loader):
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    said: dict[str, str] = {}
+    keys_by_quantity: dict[str, str] = {}
     for key_node, _ in node.value:
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str):
             hint = ""
             if isinstance(key, int | float):
-                hint = "; a decimal comma? numbers have a point, 0.5"
+                hint = "; if it is a number with a decimal comma, write it with a point, such as 0.5"
             problem = f"expected a name as key, got {short(key)}{hint}"
-        elif quantity_of(key) in said:
-            other = said[quantity_of(key)]
+        elif quantity_of(key) in keys_by_quantity:
+            other = keys_by_quantity[quantity_of(key)]
             problem = f"{other} is given twice, here as {key}; expected exactly one of them, leave one out"
         else:
-            said[quantity_of(key)] = key
+            keys_by_quantity[quantity_of(key)] = key
             continue
         mark = key_node.start_mark
         raise ParameterError(f"line {mark.line + 1}, column {mark.column + 1}: {problem}")
@@ -230,14 +243,17 @@ def _loaded(text: str) -> Any:
         raise
     except yaml.YAMLError as error:
         mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or error
-        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
-        raise ParameterError(f"{place}not valid YAML: {_one_line(str(problem))}") from error
+        location = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
+        raise ParameterError(f"{location}not valid YAML: {_one_line(str(problem))}") from error
     except (RecursionError, ValueError, OverflowError, AttributeError, TypeError) as error:
         raise ParameterError(f"not valid YAML: {_one_line(str(error))}") from error
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
-    """Parse YAML text whose outermost element is a mapping."""
+    """Parse YAML text whose outermost element is a mapping.
+
+    ``source``: name of the text in messages. Raises ParameterFileError if the text is not such YAML.
+    """
     data = convert_with_context(source, "", lambda: _loaded(text))
     if not isinstance(data, dict):
         got = "nothing" if data is None else short(data)
@@ -246,7 +262,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Read a YAML file whose outermost element is a mapping."""
+    """Read a YAML file whose outermost element is a mapping; raise ParameterFileError if this fails."""
     try:
         text = read_text(path, MAXIMUM_FILE_SIZE)
     except (OSError, UnicodeDecodeError) as error:
@@ -256,27 +272,31 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def packaged(folder: str) -> dict[str, Path]:
-    """Return the YAML files in a folder of this package, by their names."""
+    """Return the YAML files in a folder of this package, by their names without ending."""
     return yaml_files(Path(__file__).parent / folder)
 
 
 def yaml_files(folder: Path) -> dict[str, Path]:
-    """Return the YAML files in a folder, by their names."""
+    """Return the YAML files in a folder, by their names without ending."""
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
 def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
-    """Return the descriptions of files, in one line each."""
+    """Return the values of ``description`` in YAML files, in one line each."""
     return {name: _one_line(str(read_yaml(path).get("description", ""))) for name, path in found.items()}
 
 
 def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: str = "") -> _Model:
-    """Check a mapping against a schema; ``prefix``: key of the mapping in its file."""
+    """Check a mapping against a schema, and return it as an instance of the schema.
+
+    ``source``: name of its file in messages; ``prefix``: key of the mapping in its file. Raises
+    ParameterFileError for the first mistake, with file, key, given value and accepted values.
+    """
     try:
         return model.model_validate(data)
     except ValidationError as error:
         mistakes = error.errors(include_url=False)
-        # A misspelt key is usually a missing one as well; the message about the spelling helps more.
+        # A misspelt key usually causes a missing key as well; the message about the spelling is more useful.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
         kind, problem, given = first["type"], first["msg"], short(first.get("input"))
         location = _path_in_file(first["loc"], data)
@@ -306,13 +326,14 @@ def convert_with_context(source: str, key: str, convert: Callable[[], _Result]) 
 
 
 def _nearest(name: str, known: Sequence[str], model: type[BaseModel]) -> list[str]:
-    """Return the keys that may have been meant: of this place, or below it with this name as a word.
+    """Return the keys that an unknown key of a section may stand for.
 
-    A misspelt key of this place comes first, then ``scenario.belt_speed_km_per_h`` for ``speed``.
+    A key of the section with nearly the same spelling comes first. Otherwise these are keys of the section or
+    below it that contain all words of the unknown one: ``scenario.belt_speed_km_per_h`` for ``speed``.
     """
-    slip = difflib.get_close_matches(name, known, n=1, cutoff=0.9)
-    if slip:
-        return slip
+    misspelt = difflib.get_close_matches(name, known, n=1, cutoff=0.9)
+    if misspelt:
+        return misspelt
     quantities = {path: quantity_of(path.rpartition(".")[2]).lower() for path in _paths(model)}
     words = set(name.lower().split("_"))
     ranks = {
@@ -342,7 +363,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _path_in_file(location: Sequence[Any], data: Any) -> list[Any]:
-    """Return the path of a mistake without the names of the variants of a section, which no file contains."""
+    """Return the path of a mistake in its file, without the names of schema variants, which no file has."""
     kept = []
     for part in location:
         if part in data if isinstance(data, Mapping) else isinstance(data, list) and part in range(len(data)):
@@ -357,12 +378,15 @@ def _dotted(location: Sequence[Any]) -> str:
 
 
 def _short_name(name: str) -> str:
-    """Return a key of a file or message, shortened if it is longer than any sensible one."""
+    """Return a key of a file or message, shortened to 64 characters."""
     return name if len(name) <= 64 else name[:63] + "…"
 
 
 def short(value: Any) -> str:
-    """Return a value in a few words; nested aliases are not expanded, which could take all memory."""
+    """Return a value as a text of at most 60 characters.
+
+    Nested aliases of YAML are not expanded, because this could take all memory.
+    """
     text = _one_line(_SHORT.repr(value))
     return text if len(text) <= 60 else text[:57] + "…"
 

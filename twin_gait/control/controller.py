@@ -1,8 +1,8 @@
-"""A controller of the legs: setpoints for each phase, a memory, and a function that runs in each tick.
+"""Controller of the legs: setpoints for each phase, a memory, and a function that runs in each tick.
 
-The gait controller (:mod:`twin_gait.control.gait_controller`) blends into the setpoints of a phase and writes
-them, with the feed-forward torques, into the demand of each joint. A controller with a tick changes these
-demands before the boards receive them. Its only state is its memory, which is part of the record of an
+The gait controller (:mod:`twin_gait.control.gait_controller`) blends into the impedance of a phase and writes
+it, with the feed-forward torques, into the setpoint of each joint. A controller with a tick changes these
+setpoints before the boards receive them. Its only state is its memory, which is part of the record of an
 episode.
 """
 
@@ -29,7 +29,7 @@ _SETPOINT_FIELDS = ("stiffness", "damping", "equilibrium", "gain", "gravity", "i
 
 @dataclass(slots=True)
 class ReferencePath:
-    """A walk as a reference to be followed or for the tracking error; it may be a controller's memory."""
+    """Reference walk to follow, or to compute the tracking error from; it may be a controller's memory."""
 
     # Angles over the cycle from foot contact in [rad], by sample (``PATH_SAMPLES``) and joint of a leg.
     angles: list[list[float]]
@@ -38,15 +38,15 @@ class ReferencePath:
 
 
 def find_cycle_interval(progress: float, samples: int) -> tuple[int, float]:
-    """Find the samples of a closed path, evenly spaced over the gait cycle, between which an instant lies.
+    """Find the two samples of a closed path between which an instant of the gait cycle lies.
 
-    ``progress``: the instant in cycles; whole cycles have no effect. ``samples``: number of samples; the last
-    one is the first of the next cycle. Returns the index of the sample before the instant, and the share of
-    the next one.
+    The samples are evenly spaced. ``progress``: the instant in cycles, 0 or more; whole cycles have no
+    effect. ``samples``: number of samples; the last one is the first of the next cycle. Returns the index of
+    the sample before the instant, and the weight of the next sample in a linear interpolation, 0 to 1.
     """
-    place = (progress - int(progress)) * (samples - 1)
-    before = min(int(place), samples - 2)
-    return before, place - before
+    position = (progress - int(progress)) * (samples - 1)
+    before = min(int(position), samples - 2)
+    return before, position - before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +57,9 @@ class Plan:
     joints: tuple[str, ...]  # Names of the joints of a leg, in their order.
     phases: tuple[str, ...]  # Names of the phases by number.
     leading: Side  # Leg that begins with the gait cycle.
-    speed: float  # Walking speed in [m] / [s], limited to the range for which healthy walking is known.
+    speed: float  # Walking speed in [m/s], limited to the range for which healthy walking is known.
     height: float  # Height of the wearer in [m].
-    inertia: InertiaAt  # Effective inertia of a joint in [kg m²], from leg, posture and the joint's name.
+    inertia: InertiaAt  # Effective inertia of a joint in [kg·m²], from leg, posture and the joint's name.
 
     @property
     def reference(self) -> ReferencePath:
@@ -85,9 +85,9 @@ class NoMemory:
 
 
 class Controller:
-    """A controller of the legs; the user's own controllers derive from this class and override parts of it.
+    """Base class of the controllers of the legs, which override parts of it; users derive their own from it.
 
-    The base class is impedance control: every joint has the setpoints of the gait table.
+    The base class itself is impedance control: every joint has the setpoints of the gait table.
 
     Attributes:
         mode: Value of ``control.mode`` that selects it; empty for a controller that does not ship.
@@ -95,10 +95,10 @@ class Controller:
             device, the number of the tick and its length in [s]. It reads from the device ``legs``
             (``phase``, the ``entry_tick`` in which the phase was entered, ``load`` as a fraction of body
             weight) and ``joints``, leg by leg (``measurement.angle`` in [rad], ``measurement.velocity`` in
-            [rad] / [s]). The ``demand`` of a joint contains the setpoint and the feed-forward torques, see
-            :class:`twin_gait.control.joint_board.JointSetpoint`; the function changes them in place. It is
+            [rad/s]). The ``setpoint`` of a joint contains the impedance and the feed-forward torques, see
+            :class:`twin_gait.control.joint_board.JointSetpoint`; the function changes it in place. It is
             not called after a trip of the safety monitor.
-        phase_driven: Whether the phases move the legs on; if they do, the monitor limits the time in a phase.
+        phase_driven: Whether the phases cause the motion; if they do, the monitor limits the time in a phase.
         unprinted_reason: Reason why the firmware does not include it, with key, value and alternative; empty
             if it does.
     """
@@ -133,7 +133,7 @@ class Controller:
         return {}
 
     def reference_path(self, plan: Plan) -> ReferencePath:
-        """Return the walk against which adaptive assistance measures the tracking error."""
+        """Return the reference walk from which adaptive assistance computes the tracking error."""
         return plan.reference
 
     def initial_memory(self, plan: Plan) -> Any:
@@ -159,7 +159,7 @@ def controller_error(name: str, expected: str, got: str) -> ParameterError:
 
 
 def require_controller(controller: Any) -> None:
-    """Check that an object is a controller and its tick has the right arguments; if not, ParameterError."""
+    """Raise ParameterError if an object is no controller, or if its tick has wrong arguments."""
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
@@ -190,11 +190,11 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
 
 
 def wrap_checked_tick(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]) -> TickFunction:
-    """Wrap a tick so that its demands and memory are checked.
+    """Wrap a tick so that its setpoints and memory are checked.
 
     ``float_in``: function that returns the name of an integer field that holds a float, or None. The wrapper
-    raises ParameterError if there is one, if the tick returns something, or if a demand is not a number;
-    values that are not finite are left to the monitor.
+    raises ParameterError if there is such a field, if the tick returns something, or if a value of a setpoint
+    is not a number. It does not check whether values are finite; the safety monitor does.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
@@ -204,7 +204,7 @@ def wrap_checked_tick(name: str, tick: TickFunction, float_in: Callable[[Any], s
             for key in _SETPOINT_FIELDS:
                 value = getattr(joint.setpoint, key)
                 if not isinstance(value, Real):
-                    raise controller_error(name, f"a number in demand.{key}", reprlib.repr(value))
+                    raise controller_error(name, f"a number in setpoint.{key}", reprlib.repr(value))
 
     return checked_tick
 
@@ -212,7 +212,7 @@ def wrap_checked_tick(name: str, tick: TickFunction, float_in: Callable[[Any], s
 def require_no_result(name: str, result: Any) -> None:
     """Check that a tick returns None, because a result would not be used; raise ParameterError if not."""
     if result is not None:
-        expected = "a tick that changes demands in place and returns nothing"
+        expected = "a tick that changes setpoints in place and returns nothing"
         raise controller_error(name, expected, reprlib.repr(result))
 
 

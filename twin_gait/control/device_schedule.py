@@ -124,7 +124,7 @@ def compute_inertia(controller: ControllerState) -> None:
 
 
 def copy_setpoint_to_board(controller: ControllerState, board: BoardState, number: int) -> None:
-    """Copy the gait controller's demand to the board of a joint."""
+    """Copy the gait controller's setpoint to the board of a joint."""
     copy_joint_setpoint(controller.joints[number].setpoint, board.setpoint)
 
 
@@ -138,7 +138,7 @@ def hold_on_implausible_command(
 ) -> None:
     """Trip on an implausible command, and hold the joint instead.
 
-    The demand of this tick was computed for walking, so no weight is carried in this tick.
+    The setpoint of this tick was computed for walking, so no weight is carried in this tick.
     """
     joint = controller.joints[number]
     trip(controller, tick, board.command.cause, number)
@@ -181,7 +181,7 @@ FEED_FORWARD = (
     vector_branch(needs_gravity, joints(set_model_angle), compute_gravity),
     when("WITH_INERTIA_COMPENSATION", joints(estimate_acceleration), compute_inertia),
 )
-# Gait controller: the controller that changes the demands.
+# Gait controller: the controller that changes the setpoints.
 CHANGE = when("WITH_CONTROLLER", scalar_branch(has_not_tripped, run_controller))
 DECIDE = (MONITOR, SUPERVISE, STATE_MACHINES, *FEED_FORWARD, CHANGE)
 # Board and gait controller, joint after joint: a trip on one command takes effect before the next command.

@@ -41,14 +41,14 @@ class SamplingConfig:
 class Limits:
     """Limits of the command, and timeouts of the gait controller and the boards."""
 
-    torque: float  # Limit of the command in [N m].
+    torque: float  # Limit of the command in [N·m].
     current: float  # Limit of the drives in [A].
     phase_ticks: int  # Longest time in a phase in ticks.
     frozen_load_ticks: int  # Longest time in ticks for which a load may be constant while the hip turns.
     controller_timeout: int  # Timeout in ticks for messages of the gait controller at a board.
     board_timeout: int  # Timeout in ticks for messages of a board at the gait controller.
     lowering_ticks: int  # Number of ticks in which a held leg is lowered.
-    hold_damping: float  # Damping of a held joint in [N m s] / [rad].
+    hold_damping: float  # Damping of a held joint in [N·m·s/rad].
 
 
 @dataclass(slots=True)
@@ -57,33 +57,33 @@ class Measurement:
 
     angle: float = 0.0  # Measured angle in [rad].
     last_angle: float = 0.0  # Angle of the tick before in [rad].
-    velocity: float = 0.0  # Fast velocity estimate in [rad] / [s].
-    last_velocity: float = 0.0  # Fast velocity estimate of the tick before in [rad] / [s].
-    motor_speed: float = 0.0  # Joint speed that the drive estimates in [rad] / [s].
+    velocity: float = 0.0  # Fast velocity estimate in [rad/s].
+    last_velocity: float = 0.0  # Fast velocity estimate of the tick before in [rad/s].
+    motor_speed: float = 0.0  # Joint speed that the drive estimates in [rad/s].
     cause: int = NO_TRIP  # Cause of a trip that the board has found, see :mod:`twin_gait.core.safety`.
 
 
 @dataclass(slots=True)
 class JointSetpoint:
-    """Demand of the gait controller for a board."""
+    """Setpoint of a joint, which the gait controller sends to its board."""
 
-    stiffness: float = 0.0  # k in [N m] / [rad].
-    damping: float = 0.0  # b in [N m s] / [rad].
+    stiffness: float = 0.0  # k in [N·m/rad].
+    damping: float = 0.0  # b in [N·m·s/rad].
     equilibrium: float = 0.0  # θ0 in [rad].
     gain: float = 0.0  # G, gain of the friction compensation.
-    gravity: float = 0.0  # Gravity compensation in [N m]; for a held joint the part that is still carried.
-    inertia: float = 0.0  # Inertia compensation in [N m].
-    target: float = 0.0  # Additional torque in [N m].
+    gravity: float = 0.0  # Gravity compensation in [N·m]; for a held joint the part that is still carried.
+    inertia: float = 0.0  # Inertia compensation in [N·m].
+    target: float = 0.0  # Additional torque in [N·m].
     held: bool = False  # Whether the joint is braked and lowered instead.
 
 
 @dataclass(slots=True)
 class Command:
-    """Command of a board for its drive in a tick, computed from the demand, in the walk or in the hold."""
+    """Command of a board for its drive in a tick, computed from the setpoint, in the walk or in the hold."""
 
-    impedance: float = 0.0  # Torque of spring and damper, or of the brake, in [N m].
-    friction: float = 0.0  # Friction compensation in [N m].
-    torque: float = 0.0  # Sum of these and of the feed-forward torques, before limits, in [N m].
+    impedance: float = 0.0  # Torque of spring and damper, or of the brake, in [N·m].
+    friction: float = 0.0  # Friction compensation in [N·m].
+    torque: float = 0.0  # Sum of these and of the feed-forward torques, before limits, in [N·m].
     target_current: float = 0.0  # Target current of the drive in [A].
     # Whether the drive is permanently switched off because it did not follow its target.
     drive_off: bool = False
@@ -99,15 +99,14 @@ class BoardState:
     friction_model: FrictionParameters  # Friction model of the compensator.
     bounds: Bounds  # Bounds of the monitor.
     monitor: MonitorState = field(default_factory=MonitorState)  # State of the monitor.
-    setpoint: JointSetpoint = field(
-        default_factory=JointSetpoint
-    )  # Last demand received from the gait controller.
+    # Last setpoint received from the gait controller, or that of the hold.
+    setpoint: JointSetpoint = field(default_factory=JointSetpoint)
     command: Command = field(default_factory=Command)  # Command of this tick.
-    model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
+    model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N·m].
     cause: int = NO_TRIP  # First cause of a trip that the board has found itself.
     # Ticks for which it has held its joint without the gait controller; this is never reset.
     hold_ticks: int = 0
-    hold_gravity_torque: float = 0.0  # Gravity torque in [N m] at the start of that hold.
+    hold_gravity_torque: float = 0.0  # Gravity torque in [N·m] at the start of that hold.
     ticks_since_message: int = 0  # Ticks since the last message of the gait controller.
 
 
@@ -131,7 +130,7 @@ def monitor_drive(board: BoardState, rates: SamplingConfig) -> None:
 
 
 def command_deviation(board: BoardState) -> float:
-    """Compute the deviation in [N m] of the last command from its setpoint at the present measurement.
+    """Compute the deviation in [N·m] of the last command from its setpoint at the present measurement.
 
     This second computation reads the encoder a tick after the first one, so that it shares no sample with it.
     In normal operation the deviation is the change of the spring and damper torque in a tick; a sudden change
@@ -166,7 +165,7 @@ def copy_measurement(source: Measurement, target: Measurement) -> None:
 
 
 def copy_joint_setpoint(source: JointSetpoint, target: JointSetpoint) -> None:
-    """Copy the values of a demand to ``target``."""
+    """Copy the values of a setpoint to ``target``."""
     target.stiffness = source.stiffness
     target.damping = source.damping
     target.equilibrium = source.equilibrium
@@ -188,51 +187,51 @@ def copy_command(source: Command, target: Command) -> None:
 
 
 def spring_torque(board: BoardState) -> float:
-    """Compute the torque of the demanded spring and damper at the present measurement in [N m]."""
-    encoder, demand = board.encoder, board.setpoint
+    """Compute the torque of the setpoint's spring and damper at the present measurement in [N·m]."""
+    encoder, setpoint = board.encoder, board.setpoint
     return impedance_torque(
-        encoder.angle, encoder.velocity_fast, demand.stiffness, demand.damping, demand.equilibrium
+        encoder.angle, encoder.velocity_fast, setpoint.stiffness, setpoint.damping, setpoint.equilibrium
     )
 
 
 def total_torque(setpoint: JointSetpoint, impedance: float, friction: float) -> float:
-    """Compute the sum of two torques of a board and of the feed-forward torques, all in [N m]."""
+    """Compute the sum of two torques of a board and of the feed-forward torques, all in [N·m]."""
     return impedance + friction + setpoint.gravity + setpoint.inertia + setpoint.target
 
 
 def compute_torque(board: BoardState) -> None:
     """Compute impedance torque and friction compensation of the command, or the brake of a held joint."""
-    command, demand = board.command, board.setpoint
-    if demand.held:
-        command.impedance, command.friction = hold_torque(board.monitor.motor_speed, demand.damping), 0.0
+    command, setpoint = board.command, board.setpoint
+    if setpoint.held:
+        command.impedance, command.friction = hold_torque(board.monitor.motor_speed, setpoint.damping), 0.0
     else:
         command.impedance = spring_torque(board)
-        command.friction = demand.gain * board.model_friction
+        command.friction = setpoint.gain * board.model_friction
 
 
 def update_total_torque(board: BoardState) -> None:
     """Compute the total torque of the command."""
-    asked = board.command
-    asked.torque = total_torque(board.setpoint, asked.impedance, asked.friction)
+    command = board.command
+    command.torque = total_torque(board.setpoint, command.impedance, command.friction)
 
 
 def check_command(board: BoardState, watching: bool) -> None:
     """Compute the total torque of the command, and set the cause of a trip if it is implausible."""
     update_total_torque(board)
-    asked = board.command
+    command = board.command
     wild = watching and not board.setpoint.held
-    wild = wild and not command_is_plausible(asked.torque, board.bounds.highest_command)
-    asked.cause = COMMAND_TRIP if wild else NO_TRIP
+    wild = wild and not command_is_plausible(command.torque, board.bounds.highest_command)
+    command.cause = COMMAND_TRIP if wild else NO_TRIP
 
 
 def receive(board: BoardState, limits: Limits, setpoint: JointSetpoint, received: bool) -> None:
-    """Receive a demand of the gait controller over the bus; hold the joint alone after a timeout or trip.
+    """Store a setpoint that arrived over the bus; after a timeout or trip, hold the joint without it.
 
-    ``setpoint``: demand of the last message. ``received``: whether a message has arrived in this tick.
+    ``setpoint``: setpoint of the last message. ``received``: whether a message has arrived in this tick.
     """
     board.ticks_since_message = 0 if received else board.ticks_since_message + 1
     if board.ticks_since_message > limits.controller_timeout and board.cause == NO_TRIP:
-        board.cause = BUS_TRIP  # The cause also stops the gait controller if it receives it.
+        board.cause = BUS_TRIP  # The gait controller trips as well when it receives this cause.
     if board.cause != NO_TRIP:
         hold_joint(board, limits)
     elif received:
@@ -240,7 +239,7 @@ def receive(board: BoardState, limits: Limits, setpoint: JointSetpoint, received
 
 
 def execute(board: BoardState, limits: Limits, watching: bool) -> None:
-    """Compute the command from the demand; hold the joint at once if the command is implausible."""
+    """Compute the command from the setpoint; hold the joint at once if the command is implausible."""
     compute_torque(board)
     check_command(board, watching)
     if board.command.cause != NO_TRIP:
@@ -248,7 +247,7 @@ def execute(board: BoardState, limits: Limits, watching: bool) -> None:
 
 
 def reject_command(board: BoardState, limits: Limits) -> None:
-    """Hold the joint alone instead of an implausible command, without a weight that is implausible itself."""
+    """Replace an implausible command by the hold of the joint, and set an implausible gravity torque to 0."""
     board.cause = board.command.cause
     if not command_is_plausible(board.setpoint.gravity, board.bounds.highest_command):
         board.setpoint.gravity = 0.0
@@ -258,7 +257,7 @@ def reject_command(board: BoardState, limits: Limits) -> None:
 
 
 def hold_joint(board: BoardState, limits: Limits) -> None:
-    """Set the board's own demand: brake, and carry a decreasing share of the last gravity torque."""
+    """Set the board's own setpoint: brake, and carry a decreasing share of the last gravity torque."""
     if board.hold_ticks == 0:
         board.hold_gravity_torque = board.setpoint.gravity
     share = hold_weight_share(board.hold_ticks, limits.lowering_ticks)
@@ -269,10 +268,10 @@ def hold_joint(board: BoardState, limits: Limits) -> None:
 def set_hold_setpoint(
     setpoint: JointSetpoint, limits: Limits, angle: float, support: float, weight: float
 ) -> None:
-    """Set a demand to brake a joint and lower it slowly.
+    """Set a setpoint that brakes a joint and lowers it slowly.
 
-    ``angle``: angle at which the joint is held, in [rad]. ``support``: share of the weight that is still
-    carried. ``weight``: torque in [N m].
+    ``angle``: angle of the joint at the start of the hold, in [rad]. ``support``: share of the gravity torque
+    that is still compensated, 1 falling to 0. ``weight``: gravity torque in [N·m].
     """
     setpoint.stiffness, setpoint.damping, setpoint.gain = 0.0, limits.hold_damping, 0.0
     setpoint.equilibrium = angle
@@ -282,7 +281,7 @@ def set_hold_setpoint(
 
 
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:
-    """Set the drive's target current for a torque in [N m], within the limits; NaN gives 0."""
+    """Set the drive's target current for a torque in [N·m], within the limits; NaN gives 0."""
     current = target_current(board.motor, torque, limits.torque, limits.current)
     board.command.target_current = 0.0 if board.command.drive_off or torque != torque else current
 

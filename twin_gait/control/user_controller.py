@@ -92,7 +92,7 @@ def restore_controller(record: UserController) -> Controller:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         _reject(record, f"cannot be imported from {record.module} ({reason[:200]})")
     if not (isinstance(found, type) and issubclass(found, Controller)):
-        _reject(record, f"{record.module}.{record.class_name} is no class derived from Controller")
+        _reject(record, f"{record.module}.{record.class_name} is not a class derived from Controller")
     constants = _constants(found, modules)
     for name in sorted({*constants, *record.constants}):
         then, now = (item.get(name, "not set") for item in (record.constants, constants))
@@ -111,9 +111,9 @@ def _remade(kind: type[Controller], record: UserController) -> Controller:
     try:
         made = kind()
     except TypeError:
-        _reject(record, "was made with arguments that a file cannot hold")
+        _reject(record, "was created with arguments that cannot be stored in a file")
     if not record.attributes_sha256 or _state_hash(made) != record.attributes_sha256:
-        _reject(record, "has attributes that a file cannot hold, other than those of a new instance")
+        _reject(record, "has attributes that a file cannot store and that are not those of a new instance")
     return made
 
 
@@ -187,12 +187,12 @@ def _text_of_methods(kind: type[Any]) -> str:
 
 def _found_text(record: UserController, name: str) -> str:
     """Find a module on the path and return its source text, without executing it or a package around it."""
-    spec, places = None, None
+    spec, search_path = None, None
     try:
         for depth, _ in enumerate(parts := name.split("."), start=1):
             part = ".".join(parts[:depth])
-            spec = importlib.util.find_spec(part) if depth == 1 else PathFinder.find_spec(part, places)
-            places = getattr(spec, "submodule_search_locations", None)
+            spec = importlib.util.find_spec(part) if depth == 1 else PathFinder.find_spec(part, search_path)
+            search_path = getattr(spec, "submodule_search_locations", None)
     except (ImportError, ValueError):
         spec = None
     text = _text_of(spec)
@@ -200,7 +200,7 @@ def _found_text(record: UserController, name: str) -> str:
         _reject(record, f"module {name} is not found; put its folder on PYTHONPATH")
     for folder in Path(spec.origin or "").resolve().parents:
         if all((folder / file).is_file() for file in _RUN_FILES):
-            _reject(record, f"module {name} lies in the run folder {folder}, whose code is never executed")
+            _reject(record, f"module {name} is in the run folder {folder}, whose code is never executed")
     return text
 
 

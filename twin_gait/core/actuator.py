@@ -1,9 +1,9 @@
 """Motor, gear and battery as seen from the joint.
 
 Currents in [A] and voltages in [V] are those of the DC equivalent of the block-commutated motor (the
-convention of the motor's data sheet); torques in [N m] are those of the motor times the gear ratio τ, motor
-turns per joint turn. K_t in [N m] / [A] is K_e in SI units; R, line to line, is in [Ω]; ω is the velocity of
-the joint in [rad] / [s].
+convention of the motor's data sheet); torques in [N·m] are those of the motor times the gear ratio τ, motor
+turns per joint turn. K_t in [N·m/A] is K_e in SI units; R, line to line, is in [Ω]; ω is the velocity of
+the joint in [rad/s].
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 class Motor:
     """Motor and gear of a joint."""
 
-    torque_constant: float  # K_t in [N m] / [A].
+    torque_constant: float  # K_t in [N·m/A].
     gear_ratio: float  # Motor turns per joint turn.
     resistance: float  # Resistance of winding, switches and shunt, line to line, in [Ω].
 

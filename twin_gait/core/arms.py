@@ -32,15 +32,15 @@ class Grip:
 
     Attributes:
         axial_force: Tonic force :math:`P_0` in [N].
-        shoulder_moment: Tonic moment :math:`M_0` in [N m].
+        shoulder_moment: Tonic moment :math:`M_0` in [N·m].
         length: :math:`\ell_0` in [m].
         angle: :math:`\varphi_0` of the strut against the trunk in [rad]: 0 along it, forwards positive.
         sine: Sine of the angle.
         cosine: Cosine of the angle.
-        stiffness: k in [N] / [m].
-        damping: b in [N s] / [m].
-        transverse_stiffness: κ at the tip in [N] / [m].
-        transverse_damping: β at the tip in [N s] / [m].
+        stiffness: k in [N/m].
+        damping: b in [N·s/m].
+        transverse_stiffness: κ at the tip in [N/m].
+        transverse_damping: β at the tip in [N·s/m].
     """
 
     axial_force: float
@@ -64,18 +64,18 @@ class Arm:
         mass: Mass of the tip in [kg].
         push_limit: Largest force with which the arm pushes the tip away in [N].
         pull_limit: Largest force with which the arm pulls the tip towards the shoulder in [N].
-        moment_limit: Largest moment of the shoulder in [N m].
+        moment_limit: Largest moment of the shoulder in [N·m].
         max_length: Length of the strut with a straight arm in [m].
-        straight_stiffness: Stiffness of a straight arm, which the hand holds on to, in [N] / [m].
-        tip_stiffness: Shear stiffness of the rubber of the tip in [N] / [m].
-        tip_damping: Shear damping of the rubber of the tip in [N s] / [m].
+        straight_stiffness: Stiffness of a straight arm, which the hand holds on to, in [N/m].
+        tip_stiffness: Shear stiffness of the rubber of the tip in [N/m].
+        tip_damping: Shear damping of the rubber of the tip in [N·s/m].
         anchor: Position on the ground where the tip sticks, in [m].
         grip: Setpoints of the muscles.
         length: Last computed length of the strut in [m].
         transverse_deflection: Last computed displacement of the tip from the position that the grip sets,
             against n, in [m].
         axial_force: Last computed force along the strut in [N].
-        moment: Last computed moment of the shoulder in [N m], which turns the tip forwards.
+        moment: Last computed moment of the shoulder in [N·m], which turns the tip forwards.
         power: Last computed mechanical power of the arm in [W].
         tip: Last computed force of the ground on the tip.
         phase: Phase of the arm, as :mod:`twin_gait.worlds.arm_policy` numbers it.
@@ -137,8 +137,8 @@ def arm_force(
         cosine: Cosine of the pitch of the trunk.
         ahead: Distance of the tip from the shoulder in [m], forwards positive.
         up: Distance of the tip from the shoulder in [m], upwards positive.
-        forward: Forward velocity of the tip relative to the turning trunk in [m] / [s].
-        upward: Upward velocity of the tip relative to the turning trunk in [m] / [s].
+        forward: Forward velocity of the tip relative to the turning trunk in [m/s].
+        upward: Upward velocity of the tip relative to the turning trunk in [m/s].
 
     Returns:
         Forward and upward force in [N].
@@ -173,7 +173,7 @@ def anchored_friction_force(
     Args:
         arm: Arm with the shear stiffness k and damping c of the tip.
         position: Position of the tip in [m].
-        slip_velocity: Velocity v of the tip relative to the ground in [m] / [s].
+        slip_velocity: Velocity v of the tip relative to the ground in [m/s].
         normal_force: Normal force in [N].
         friction_coefficient: :math:`\mu`.
 

@@ -13,7 +13,7 @@ from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend_share
 class Belt:
     """Parameters of the speed profile of a treadmill."""
 
-    cruise: float = 0.0  # Speed between the ramps in [m] / [s].
+    cruise: float = 0.0  # Speed between the ramps in [m/s].
     start: float = 0.0  # Start of the walk command in [s].
     stop: float = math.inf  # End of the walk command in [s].
     ramp: float = 0.0  # Length of a ramp in [s]; 0 for a belt with constant speed.
@@ -22,7 +22,7 @@ class Belt:
 
 
 def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
-    r"""Compute the speed in [m] / [s] of a belt that starts and stops along minimum-jerk ramps.
+    r"""Compute the speed in [m/s] of a belt that starts and stops along minimum-jerk ramps.
 
     :math:`u(t) = u_c\,\Bigl[s\Bigl(\frac{t - t_1}{T}\Bigr) - s\Bigl(\frac{t - t_2}{T}\Bigr)\Bigr]`, backwards
     positive,
@@ -36,7 +36,7 @@ def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: floa
 
 
 def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
-    r"""Compute the speed in [m] / [s] of a treadmill's belt, backwards positive, which a trip brings to rest.
+    r"""Compute the speed in [m/s] of a treadmill's belt, backwards positive, which a trip brings to rest.
 
     :math:`u(t) = u(t_0)\,\Bigl[1 - s\Bigl(\frac{t - t_0}{T_0}\Bigr)\Bigr] \quad\text{for}\quad t > t_0`
 

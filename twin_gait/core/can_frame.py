@@ -48,7 +48,7 @@ def _next_run(run: int, bit: int) -> tuple[int, int]:
 
 
 def _bits(number: int, count: int) -> Iterable[int]:
-    return ((number >> place) & 1 for place in reversed(range(count)))
+    return ((number >> bit) & 1 for bit in reversed(range(count)))
 
 
 def _run_through(run: int, bits: Iterable[int]) -> tuple[int, int]:

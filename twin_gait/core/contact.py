@@ -36,9 +36,9 @@ def contact_normal_force(
 
     Args:
         penetration: :math:`\delta` in [m]; zero or less is no contact.
-        penetration_rate: :math:`\dot\delta` in [m] / [s].
-        stiffness: :math:`k` in [N] / [m]^1.5.
-        dissipation: :math:`c` in [s] / [m].
+        penetration_rate: :math:`\dot\delta` in [m/s].
+        stiffness: :math:`k` in [N/m^1.5].
+        dissipation: :math:`c` in [s/m].
 
     Returns:
         Force in [N], zero or positive.
@@ -59,10 +59,10 @@ def contact_friction_force(
     :math:`F_t = -\mu F_n \tanh(v / v_t)`: friction opposes sliding; sticking is approximated by slow creep.
 
     Args:
-        slip_velocity: Velocity v of the point relative to the ground (belt) in [m] / [s].
+        slip_velocity: Velocity v of the point relative to the ground (belt) in [m/s].
         normal_force: Normal force in [N].
         friction_coefficient: :math:`\mu`.
-        transition_velocity: :math:`v_t` in [m] / [s], positive.
+        transition_velocity: :math:`v_t` in [m/s], positive.
 
     Returns:
         Force along the direction of the velocity in [N].
@@ -83,14 +83,14 @@ def mechanical_stop_torque(
 
     Args:
         angle: Joint angle in [rad].
-        velocity: Joint velocity in [rad] / [s].
+        velocity: Joint velocity in [rad/s].
         lower: Lower stop in [rad].
         upper: Upper stop in [rad].
-        stiffness: :math:`k` in [N m] / [rad].
-        dissipation: :math:`c` in [s] / [rad].
+        stiffness: :math:`k` in [N·m/rad].
+        dissipation: :math:`c` in [s/rad].
 
     Returns:
-        Torque on the joint in [N m]: positive at the lower stop, negative at the upper one.
+        Torque on the joint in [N·m]: positive at the lower stop, negative at the upper one.
     """
     if angle < lower:
         damping = 1.0 - dissipation * velocity
@@ -106,11 +106,11 @@ class Ground:
     """The ground under the feet, or the belt of a treadmill.
 
     Attributes:
-        belt_speed: Present speed of the belt, backwards positive, in [m] / [s].
-        stiffness: Contact stiffness in [N] / [m]^1.5.
-        dissipation: Contact dissipation in [s] / [m].
+        belt_speed: Present speed of the belt, backwards positive, in [m/s].
+        stiffness: Contact stiffness in [N/m^1.5].
+        dissipation: Contact dissipation in [s/m].
         friction_coefficient: Coulomb coefficient.
-        transition_velocity: Transition velocity of the regularised friction in [m] / [s].
+        transition_velocity: Transition velocity of the regularised friction in [m/s].
         slope_sine: Sine of the angle by which the plane rises forwards; it contains the origin.
         slope_cosine: Cosine of that angle.
     """
@@ -147,8 +147,8 @@ def ground_contact_force(
     Args:
         ground: Parameters of the ground and the speed of the belt.
         height: Height of the point above the ground in [m]; negative is penetration.
-        forward_velocity: Forward velocity of the point in the world in [m] / [s].
-        vertical_velocity: Vertical velocity of the point in [m] / [s], up positive.
+        forward_velocity: Forward velocity of the point in the world in [m/s].
+        vertical_velocity: Vertical velocity of the point in [m/s], up positive.
 
     Returns:
         Forward and upward force on the point in [N].
@@ -198,7 +198,7 @@ def sloped_contact_force(
         sine: Sine of the angle by which the plane rises forwards.
         cosine: Cosine of that angle.
         position: Position of the point in the world, forwards and upwards, in [m].
-        velocity: Velocity of the point, forwards and upwards, in [m] / [s].
+        velocity: Velocity of the point, forwards and upwards, in [m/s].
         contact_law: Law of level ground: :func:`ground_contact_force` as a function of height and velocities.
 
     Returns:

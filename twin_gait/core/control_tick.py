@@ -22,9 +22,8 @@ from twin_gait.core.estimation import first_order_step, quantise
 # compensation.
 STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
 COLUMNS_PER_JOINT = 4
-_CAPACITY_STEP = (
-    16  # The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
-)
+# The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
+_CAPACITY_STEP = 16
 
 
 @dataclass(slots=True)
@@ -33,13 +32,13 @@ class Encoder:
 
     resolution: float  # Angle of a count in [rad]; 0 for an ideal sensor.
     angle: float  # Measured angle in [rad].
-    velocity_fast: float  # First-order estimate in [rad] / [s].
-    velocity_slow: float  # Decimated and averaged estimate in [rad] / [s].
+    velocity_fast: float  # First-order estimate in [rad/s].
+    velocity_slow: float  # Decimated and averaged estimate in [rad/s].
     last_angle: float  # Angle of the tick before in [rad].
-    last_fast: float  # Fast velocity estimate of the tick before in [rad] / [s].
+    last_fast: float  # Fast velocity estimate of the tick before in [rad/s].
     decimated_angle: float  # Angle at the last slow sample in [rad].
     window: int  # Number of slow samples that are averaged.
-    ring: list[float]  # Ring buffer of the last slow samples in [rad] / [s]; at least as long as the window.
+    ring: list[float]  # Ring buffer of the last slow samples in [rad/s]; at least as long as the window.
 
 
 def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
@@ -96,8 +95,8 @@ def update_slow_velocity(encoder: Encoder, number: int, interval: float) -> None
 class ImpedanceSetpoint:
     """Setpoint of a joint from a gait table."""
 
-    stiffness: float  # k in [N m] / [rad].
-    damping: float  # b in [N m s] / [rad].
+    stiffness: float  # k in [N·m/rad].
+    damping: float  # b in [N·m·s/rad].
     equilibrium: float  # θ0 in [rad].
     gain: float  # G, gain of the friction compensation.
 
@@ -126,11 +125,11 @@ def copy_setpoint(source: ImpedanceSetpoint, target: ImpedanceSetpoint) -> None:
 def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:
     """Compute the firmware's target current in [A]: torque limit, conversion, current limit.
 
-    ``command``: sum of the controller's torques in [N m].
+    ``command``: sum of the controller's torques in [N·m].
     """
     limited = saturate(command, torque_limit)
-    wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio)
-    return saturate(wanted, current_limit)
+    current = torque_to_current(limited, motor.torque_constant, motor.gear_ratio)
+    return saturate(current, current_limit)
 
 
 def drive_motor(
@@ -140,7 +139,7 @@ def drive_motor(
 
     The current loop (20 kHz) is ideal within the tick. ``joint_velocity``: the true one, for the back-EMF.
     Returns the measured current in [A] and the motor torque at the joint, before the losses of the gear, in
-    [N m].
+    [N·m].
     """
     measured = voltage_limited_current(motor, current, joint_velocity, bus_voltage)
     return measured, current_to_torque(measured, motor.torque_constant, motor.gear_ratio)

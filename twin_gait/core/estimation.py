@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 from twin_gait.core.elementary import settled_share
 
-_CAPACITY_STEP = (
-    16  # The buffer is a multiple of this, so that delays up to the next multiple share a compiled loop.
-)
+# The buffer is a multiple of this, so that delays up to the next multiple share a compiled loop.
+_CAPACITY_STEP = 16
 
 
 def quantise(angle: float, resolution: float) -> float:

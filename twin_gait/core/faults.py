@@ -24,8 +24,8 @@ class FaultRecord:
     kind: int  # One of the kinds above.
     index: int  # Index of the joint or leg; without meaning for the supply.
     start_tick: int  # First tick with the fault.
-    # Magnitude in SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque in
-    # [N m] of a stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
+    # Magnitude in SI units: angle in [rad] of a jump or an offset, rate in [rad/s] of a drift, torque in
+    # [N·m] of a stuck motor, its rate in [N·m/s] of a runaway, voltage in [V] of a dip.
     magnitude: float
 
 
@@ -65,7 +65,7 @@ def faulty_load(leg: int, tick: int, faults: list[FaultRecord], load: float, las
 
 
 def runaway_torque(joint: int, tick: int, period: float, faults: list[FaultRecord]) -> float:
-    """Compute the torque in [N m] that a defective controller adds: a ramp."""
+    """Compute the torque in [N·m] that a defective controller adds: a ramp."""
     torque = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick

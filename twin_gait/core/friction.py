@@ -30,29 +30,29 @@ class PlantFriction:
     """
 
     law: int = FRICTIONLESS  # ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
-    breakaway_torque: float = 0.0  # T_b, a of (3.1), in [N m].
-    coulomb_friction: float = 0.0  # T_c, b of (3.1), in [N m].
-    # ω_c, c of (3.1); ω_st of the other laws; in [rad] / [s], not zero.
+    breakaway_torque: float = 0.0  # T_b, a of (3.1), in [N·m].
+    coulomb_friction: float = 0.0  # T_c, b of (3.1), in [N·m].
+    # ω_c, c of (3.1); ω_st of the other laws; in [rad/s], not zero.
     stribeck_velocity: float = 1.0
-    # d of (3.1) in [N m s] / [rad]; d+ of the other laws in [N m] at 1 rad/s.
+    # d of (3.1) in [N·m·s/rad]; d+ of the other laws in [N·m] at 1 rad/s.
     viscous_friction_forward: float = 0.0
-    viscous_friction_backward: float = 0.0  # d- in [N m] at 1 rad/s.
+    viscous_friction_backward: float = 0.0  # d- in [N·m] at 1 rad/s.
     gear_efficiency: float = 1.0  # η under load; 1 for a gear that loses nothing under load.
-    offset: float = 0.0  # T_0 in [N m].
-    transition_velocity: float = 1.0  # ω_t in [rad] / [s], above 0.
+    offset: float = 0.0  # T_0 in [N·m].
+    transition_velocity: float = 1.0  # ω_t in [rad/s], above 0.
     stribeck_exponent: float = 2.0  # δ.
     viscous_exponent: float = 1.0  # α.
-    bristle_stiffness: float = 0.0  # σ0 in [N m] / [rad]; 0 for laws without bristles.
-    bristle_damping: float = 0.0  # σ1 in [N m s] / [rad].
+    bristle_stiffness: float = 0.0  # σ0 in [N·m/rad]; 0 for laws without bristles.
+    bristle_damping: float = 0.0  # σ1 in [N·m·s/rad].
 
 
 def rotational_friction_torque(
     velocity: float, breakaway: float, coulomb: float, breakaway_velocity: float, viscous: float
 ) -> float:
-    r"""Compute the rotational friction torque in [N m], an odd function with the sign of the velocity.
+    r"""Compute the rotational friction torque in [N·m], an odd function with the sign of the velocity.
 
-    It is equation (3.1) of the thesis, with breakaway torque a and Coulomb friction b in [N m], breakaway
-    velocity c in [rad] / [s], not zero, and viscous coefficient d in [N m s] / [rad]:
+    It is equation (3.1) of the thesis, with breakaway torque a and Coulomb friction b in [N·m], breakaway
+    velocity c in [rad/s], not zero, and viscous coefficient d in [N·m·s/rad]:
 
     .. math::
 
@@ -115,7 +115,7 @@ def loss_share(direction: float, load_sign: float, efficiency: float) -> float:
 
 
 def gear_loss_torque(velocity: float, load: float, efficiency: float, transition_velocity: float) -> float:
-    """Compute the torque in [N m] that a gear loses under a load in [N m], with the sign of the velocity.
+    """Compute the torque in [N·m] that a gear loses under a load in [N·m], with the sign of the velocity.
 
     It is the load times :func:`loss_share`.
     """
@@ -124,7 +124,7 @@ def gear_loss_torque(velocity: float, load: float, efficiency: float, transition
 
 
 def friction_torque(friction: PlantFriction, velocity: float, deflection: float) -> float:
-    r"""Compute the friction of a coordinate in [N m] without load, with the sign of the velocity.
+    r"""Compute the friction of a coordinate in [N·m] without load, with the sign of the velocity.
 
     ``ROTATIONAL`` is (3.1). ``ASYMMETRIC`` is :func:`twin_gait.core.friction_models.asymmetric_torque`,
     ``BRISTLE`` is the LuGre model with directions (the Dahl model if :math:`T_b = T_c` and

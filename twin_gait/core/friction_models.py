@@ -1,15 +1,15 @@
 """Friction laws of the literature, from which an identification chooses.
 
-They complement the law of the thesis and return the friction torque in [N m] with the sign of the velocity;
+They complement the law of the thesis and return the friction torque in [N·m] with the sign of the velocity;
 the torque on the plant is its negative. Each law is linear in all of its torques and coefficients, which the
 identification exploits; velocities and exponents enter non-linearly. The laws have no branches on numbers but
-use :func:`chosen`, so that the identification runs these same functions over arrays
+use :func:`where`, so that the identification runs these same functions over arrays
 (:mod:`twin_gait.identification.laws`).
 
-Symbols of all laws: velocity ω in [rad] / [s]; ``coulomb`` T_c and ``breakaway`` T_b in [N m]; ``viscous`` d
-in [N m s] / [rad]; ``stribeck_velocity`` ω_st and ``transition_velocity`` ω_t in [rad] / [s], above 0;
-``deflection`` z of the bristles in [rad], their ``stiffness`` σ0 in [N m] / [rad], and their ``level`` h in
-[N m], above 0.
+Symbols of all laws: velocity ω in [rad/s]; ``coulomb`` T_c and ``breakaway`` T_b in [N·m]; ``viscous`` d
+in [N·m·s/rad]; ``stribeck_velocity`` ω_st and ``transition_velocity`` ω_t in [rad/s], above 0;
+``deflection`` z of the bristles in [rad], their ``stiffness`` σ0 in [N·m/rad], and their ``level`` h in
+[N·m], above 0.
 """
 
 import math
@@ -39,7 +39,7 @@ def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float,
     r"""Compute the friction of TWIN's old model, equation (2.5) of the thesis.
 
     :math:`d\,\omega + T_c \tanh(\kappa\,\omega)`; T_c (F_s in the thesis) is ``coulomb``, and κ the
-    ``steepness`` in [s] / [rad], 40 in the firmware.
+    ``steepness`` in [s/rad], 40 in the firmware.
     """
     return coulomb * hyperbolic_tangent(steepness * velocity) + viscous * velocity
 
@@ -93,7 +93,7 @@ def load_and_temperature_torque(
         [T_c + c_l |T_L| + c_\vartheta (\vartheta - \vartheta_0)] \tanh\frac{\omega}{\omega_t}
         + [d + d_\vartheta (\vartheta - \vartheta_0)]\,\omega
 
-    to first order about :math:`\vartheta_0 = 25` °C; ``load`` is T_L in [N m], either sign. The load term is
+    to first order about :math:`\vartheta_0 = 25` °C; ``load`` is T_L in [N·m], either sign. The load term is
     taken from Duclusaud et al. (2025).
     """
     warmer = temperature - REFERENCE_TEMPERATURE
@@ -105,7 +105,7 @@ def load_and_temperature_torque(
 def directional_viscous_torque(velocity: float, forward: float, backward: float, exponent: float) -> float:
     r"""Compute viscous friction with a coefficient for each direction and a power of the speed.
 
-    :math:`d_\pm\,|\omega|^\alpha\,\mathrm{sgn}\,\omega` with ``forward`` and ``backward`` in [N m] at 1 rad/s
+    :math:`d_\pm\,|\omega|^\alpha\,\mathrm{sgn}\,\omega` with ``forward`` and ``backward`` in [N·m] at 1 rad/s
     and the ``exponent`` α: grease thins as it is sheared, and measured exponents of harmonic drives are often
     below 1.
     """
@@ -129,7 +129,7 @@ def asymmetric_torque(
 def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> float:
     r"""Compute the torque that repeats with the joint angle: :math:`C\cos n\theta + S\sin n\theta`.
 
-    ``angle``: θ in [rad]. ``cosine`` and ``sine``: C and S in [N m]. ``order``: n, periods in a turn of the
+    ``angle``: θ in [rad]. ``cosine`` and ``sine``: C and S in [N·m]. ``order``: n, periods in a turn of the
     joint.
     """
     sine_of, cosine_of = sine_cosine(order * angle)
@@ -137,7 +137,7 @@ def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> flo
 
 
 def bristle_rate(velocity: float, deflection: float, level: float, stiffness: float) -> float:
-    r"""Compute the rate in [rad] / [s] of the bristle deflection of the Dahl and LuGre models.
+    r"""Compute the rate in [rad/s] of the bristle deflection of the Dahl and LuGre models.
 
     :math:`\dot z = \omega - \sigma_0 \frac{|\omega|}{h(\omega)}\,z` with the Coulomb friction as h in Dahl's
     model (1968, exponent 1) and :func:`stribeck_level` in the LuGre model (Canudas de Wit et al. 1995).
@@ -166,7 +166,7 @@ def lugre_torque(
     r"""Compute the friction torque of the LuGre model.
 
     :math:`\sigma_0 z + \sigma_1 \dot z + \sigma_2\,\omega` with the ``rate`` :math:`\dot z` of
-    :func:`bristle_rate`. ``damping`` is σ1 and ``viscous`` σ2 in [N m s] / [rad]; Dahl's model is the same
+    :func:`bristle_rate`. ``damping`` is σ1 and ``viscous`` σ2 in [N·m·s/rad]; Dahl's model is the same
     with σ1 = 0.
     """
     return stiffness * deflection + damping * rate + viscous * velocity

@@ -33,7 +33,7 @@ class CompiledComparison:
     signal_b: int  # Index of the second signal; not read while ``factor_b`` is 0.
     factor_a: float  # Factor of the first signal, 1 or -1.
     factor_b: float  # Factor of the second signal, 1 or -1; 0 for a single signal.
-    threshold: float  # Threshold in the SI unit of the signals: [rad], [rad] / [s], [s], or 1 for a ratio.
+    threshold: float  # Threshold in the SI unit of the signals: [rad], [rad/s], [s], or 1 for a ratio.
 
 
 @dataclass(slots=True)

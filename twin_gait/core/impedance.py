@@ -6,7 +6,7 @@ import math
 def impedance_torque(
     angle: float, velocity: float, stiffness: float, damping: float, equilibrium_angle: float
 ) -> float:
-    r"""Compute the torque in [N m] of the virtual spring-damper, positive in increasing angle.
+    r"""Compute the torque in [N·m] of the virtual spring-damper, positive in increasing angle.
 
     Equation (2.17) of the thesis with the damping of its chapter 5, as a torque *on the joint*, to which
     (2.18) adds :math:`G\,T_{fr}`:
@@ -17,10 +17,10 @@ def impedance_torque(
 
 
 def damping_from_ratio(damping_ratio: float, stiffness: float, inertia: float) -> float:
-    r"""Compute the damping in [N m s] / [rad] that gives a joint a damping ratio.
+    r"""Compute the damping in [N·m·s/rad] that gives a joint a damping ratio.
 
-    :math:`b = 2\,\zeta\,\sqrt{k\,I}` with the ``damping_ratio`` ζ, the ``stiffness`` k in [N m] / [rad] and
-    the ``inertia`` I, the effective joint inertia with armature, in [kg m²].
+    :math:`b = 2\,\zeta\,\sqrt{k\,I}` with the ``damping_ratio`` ζ, the ``stiffness`` k in [N·m/rad] and
+    the ``inertia`` I, the effective joint inertia with armature, in [kg·m²].
     """
     return 2.0 * damping_ratio * math.sqrt(stiffness * inertia)
 

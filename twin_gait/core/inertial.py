@@ -10,7 +10,7 @@ from twin_gait.core.estimation import first_order_step
 def tangential_specific_force(
     acceleration: float, angle: float, lever: float, gravity: float, horizontal_angle: float
 ) -> float:
-    r"""Compute the specific force in [m] / [s²] along the path of an accelerometer on a turning link.
+    r"""Compute the specific force in [m/s²] along the path of an accelerometer on a turning link.
 
     :math:`f_t = r\,\dot\omega - g \cos(\theta - \theta_h)`, positive in the direction of increasing angle,
     with the ``lever`` r from the axis in [m] and the angle θ_h at which the link is level.
@@ -25,7 +25,7 @@ def tangential_specific_force(
 def angular_acceleration(
     specific_force: float, angle: float, lever: float, gravity: float, horizontal_angle: float
 ) -> float:
-    r"""Compute the angular acceleration in [rad] / [s²] from an accelerometer and a measured angle.
+    r"""Compute the angular acceleration in [rad/s²] from an accelerometer and a measured angle.
 
     :math:`\dot\omega = [f_t + g \cos(\theta - \theta_h)] / r`: the angle serves to remove gravity. This is
     the inverse of :func:`tangential_specific_force` if the angle is the true one.
@@ -40,8 +40,8 @@ class TrunkUnit:
 
     height: float  # Height of the unit above the hips, along the trunk, in [m].
     behind: float  # Distance behind the line from hips to shoulders in [m].
-    gyroscope_bias: float  # Bias of the angular rate in [rad] / [s].
-    accelerometer_bias: float  # Bias of the forward axis in [m] / [s²].
+    gyroscope_bias: float  # Bias of the angular rate in [rad/s].
+    accelerometer_bias: float  # Bias of the forward axis in [m/s²].
     gain: float  # Gain of the correction, from :func:`~twin_gait.core.estimation.first_order_gain`.
     pitch: float  # Pitch estimate in [rad], forwards positive.
 
@@ -49,7 +49,7 @@ class TrunkUnit:
 def trunk_specific_force(
     unit: TrunkUnit, pitch: float, rate: float, turning: float, forward: float, upward: float, gravity: float
 ) -> tuple[float, float]:
-    r"""Compute the specific force in [m] / [s²] at an inertial unit, forwards and up along the trunk.
+    r"""Compute the specific force in [m/s²] at an inertial unit, forwards and up along the trunk.
 
     With the unit h above and d behind the hips, which accelerate with :math:`(a_x, a_z)` (``forward``,
     ``upward``), and the pitch θ (``rate``, ``turning``), forwards positive,

@@ -39,7 +39,7 @@ def winding_current_step(
 def current_loop_gains(resistance: float, inductance: float, bandwidth: float) -> tuple[float, float]:
     r"""Compute the gains of the current loop that cancel the pole of the winding.
 
-    With :math:`K_p = \omega_b L` in [V] / [A] and :math:`K_i = \omega_b R` in [V] / [A s] the step response
+    With :math:`K_p = \omega_b L` in [V/A] and :math:`K_i = \omega_b R` in [V/(A·s)] the step response
     of the loop, closed over an ideal measurement, is :math:`1 - e^{-\omega_b t}`.
     """
     return bandwidth * inductance, bandwidth * resistance
@@ -55,9 +55,9 @@ def current_loop_step(
     saturation. Returns voltage and integral part in [V].
     """
     grown = integral + integral_gain * period * error
-    wanted = proportional_gain * error + grown
-    voltage = saturate(wanted, limit)
-    if (wanted - voltage) * error > 0.0:
+    requested = proportional_gain * error + grown
+    voltage = saturate(requested, limit)
+    if (requested - voltage) * error > 0.0:
         return voltage, integral
     return voltage, grown
 
@@ -90,7 +90,7 @@ def drive_efficiency(temperature: float, input_speed: float, fit: Sequence[float
 
     :math:`c_0 + \vartheta\,(c_1 + c_2\vartheta + c_4|\omega|) + |\omega|\,(c_3 + c_5|\omega|)` with the six
     numbers of the ``fit``, the temperature ϑ of the grease in [°C] and the speed ω of the wave generator in
-    [rad] / [s], either sign.
+    [rad/s], either sign.
     """
     speed = abs(input_speed)
     heated = temperature * (fit[1] + fit[2] * temperature + fit[4] * speed)
@@ -99,7 +99,7 @@ def drive_efficiency(temperature: float, input_speed: float, fit: Sequence[float
 
 
 def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: float) -> float:
-    r"""Compute the torque of the flexspline on the link in [N m]: :math:`K\,\Delta + D\,\dot\Delta`.
+    r"""Compute the torque of the flexspline on the link in [N·m]: :math:`K\,\Delta + D\,\dot\Delta`.
 
     Δ is the angle of the motor at the joint minus the angle of the link; the negative torque acts on the
     motor side.
@@ -108,10 +108,10 @@ def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: f
 
 
 def link_load_torque(angle: float, moment: float, gravity: float, horizontal_angle: float) -> float:
-    r"""Compute the torque of gravity on a link in [N m], equation (2.8) of the thesis.
+    r"""Compute the torque of gravity on a link in [N·m], equation (2.8) of the thesis.
 
     :math:`g\,m b \cos(\theta - \theta_h)`, positive along the fall, with the ``moment`` m b of weight and
-    link in [kg m] and the angle θ_h at which the link is level: π/2 if the fall begins level, 0 in the form
+    link in [kg·m] and the angle θ_h at which the link is level: π/2 if the fall begins level, 0 in the form
     that the thesis prints.
     """
     _, cosine = sine_cosine(angle - horizontal_angle)

@@ -20,7 +20,7 @@ from twin_gait.core.friction import (
     loss_share,
 )
 
-# Load of a gear in [N m] below which either sign of the load is accepted.
+# Load of a gear in [N·m] below which either sign of the load is accepted.
 LEAST_LOAD = 1e-9
 
 
@@ -30,17 +30,17 @@ class MechanicalStop:
 
     lower: float = 0.0  # Lower stop in [rad] or [m].
     upper: float = 0.0  # Upper stop.
-    stiffness: float = 0.0  # In [N m] / [rad] or [N] / [m]; 0 for none.
-    dissipation: float = 0.0  # In [s] / [rad] or [s] / [m].
+    stiffness: float = 0.0  # In [N·m/rad] or [N/m]; 0 for none.
+    dissipation: float = 0.0  # In [s/rad] or [s/m].
 
 
 @dataclass(slots=True)
 class Spring:
     """Spring about zero with a damper and a constant force; with the force K r it is a spring about r."""
 
-    stiffness: float = 0.0  # In [N m] / [rad] or [N] / [m].
-    damping: float = 0.0  # In [N m s] / [rad] or [N s] / [m].
-    force: float = 0.0  # Constant torque in [N m] or force in [N] on the coordinate.
+    stiffness: float = 0.0  # In [N·m/rad] or [N/m].
+    damping: float = 0.0  # In [N·m·s/rad] or [N·s/m].
+    force: float = 0.0  # Constant torque in [N·m] or force in [N] on the coordinate.
 
 
 @dataclass(slots=True)
@@ -50,14 +50,14 @@ class Plant:
     friction: PlantFriction = field(default_factory=PlantFriction)  # Of motor and gear.
     stop: MechanicalStop = field(default_factory=MechanicalStop)  # Mechanical stops.
     spring: Spring = field(default_factory=Spring)  # Orthosis, or support of the pelvis.
-    armature: float = 0.0  # Inertia of rotor and wave generator seen at the joint in [kg m²].
+    armature: float = 0.0  # Inertia of rotor and wave generator seen at the joint in [kg·m²].
     # Deflection in [rad] at the start of the step of the bristles that some laws of friction have.
     deflection: float = 0.0
     load_sign: float = 1.0  # Sign of the load of the gear, 1 or -1.
     loss_share: float = 0.0  # Share of its load that the gear loses.
-    friction_torque: float = 0.0  # On the coordinate, with the loss of the gear, in [N m] or [N].
-    stop_torque: float = 0.0  # On the coordinate in [N m] or [N].
-    spring_torque: float = 0.0  # On the coordinate with the constant force, in [N m] or [N].
+    friction_torque: float = 0.0  # On the coordinate, with the loss of the gear, in [N·m] or [N].
+    stop_torque: float = 0.0  # On the coordinate in [N·m] or [N].
+    spring_torque: float = 0.0  # On the coordinate with the constant force, in [N·m] or [N].
 
 
 def share_loss(plant: Plant, velocity: float) -> None:
@@ -73,7 +73,7 @@ def share_loss(plant: Plant, velocity: float) -> None:
 
 
 def passed_torque(plant: Plant, motor: float, acceleration: float) -> float:
-    r"""Compute the load of a gear in [N m], :math:`\tau = \tau_m - J\,\ddot q`, see :func:`share_loss`."""
+    r"""Compute the load of a gear in [N·m], :math:`\tau = \tau_m - J\,\ddot q`, see :func:`share_loss`."""
     return motor - plant.armature * acceleration
 
 
@@ -84,7 +84,7 @@ def is_sign_wrong(plant: Plant, motor: float, acceleration: float) -> bool:
 
 
 def plant_torque(plant: Plant, rotational: float, q: float, v: float, displacement: float) -> float:
-    """Compute and store friction, stop and spring torque of a coordinate; return their sum in [N m] or [N].
+    """Compute and store friction, stop and spring torque of a coordinate; return their sum in [N·m] or [N].
 
     The loss of the gear is not included. Its share is stored, except for equation (3.1), whose friction and
     share are computed before. ``rotational``: friction by equation (3.1), not read with another law.
@@ -109,9 +109,9 @@ def plant_torque(plant: Plant, rotational: float, q: float, v: float, displaceme
 class Brace:
     """Spring and damper between a coordinate of the device and the same coordinate of the wearer."""
 
-    stiffness: float  # K in [N m] / [rad] or [N] / [m].
-    damping: float  # B in [N m s] / [rad] or [N s] / [m].
-    torque: float = 0.0  # Last torque of the device on the wearer in [N m] or [N].
+    stiffness: float  # K in [N·m/rad] or [N/m].
+    damping: float  # B in [N·m·s/rad] or [N·s/m].
+    torque: float = 0.0  # Last torque of the device on the wearer in [N·m] or [N].
 
 
 def brace_torque(
@@ -119,7 +119,7 @@ def brace_torque(
 ) -> float:
     r"""Compute the torque or force of a brace on the wearer.
 
-    :math:`\tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)` in [N m] or [N]; the opposite acts on the device.
+    :math:`\tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)` in [N·m] or [N]; the opposite acts on the device.
     """
     return brace.stiffness * (device - wearer) + brace.damping * (device_velocity - wearer_velocity)
 
@@ -132,14 +132,14 @@ class ImposedMotion:
     start_angle: float = 0.0  # Start of the path in [rad].
     amplitude: float = 0.0  # Difference between the ends of the path in [rad].
     frequency: float = 0.0  # Frequency in [Hz].
-    stiffness: float = 0.0  # Stiffness of the grip in [N m] / [rad].
-    damping: float = 0.0  # Damping of the grip in [N m s] / [rad].
+    stiffness: float = 0.0  # Stiffness of the grip in [N·m/rad].
+    damping: float = 0.0  # Damping of the grip in [N·m·s/rad].
     release_time: float = 0.0  # Time in [s].
-    torque: float = 0.0  # Last torque on the coordinate in [N m].
+    torque: float = 0.0  # Last torque on the coordinate in [N·m].
 
 
 def imposed_motion_torque(motion: ImposedMotion, time: float, angle: float, velocity: float) -> float:
-    r"""Compute the torque in [N m] of an imposed motion on its joint, 0 after the release time.
+    r"""Compute the torque in [N·m] of an imposed motion on its joint, 0 after the release time.
 
     .. math::
 
@@ -160,7 +160,7 @@ class Harness:
 
     height: float  # Height of the attachment above the hips, along the trunk, in [m].
     force: float  # Force of the body-weight support in [N].
-    damping: float  # Damping of the winch of the rope in [N s] / [m].
+    damping: float  # Damping of the winch of the rope in [N·s/m].
     stop: MechanicalStop = field(default_factory=MechanicalStop)  # Lower stop that locks at a trip.
     pull: float = 0.0  # Last upward force on the trunk in [N].
 
@@ -183,14 +183,14 @@ class Trunk:
 
 
 def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> float:
-    """Compute the moment in [N m] about the hips, forwards positive, of a force in [N] at a point."""
+    """Compute the moment in [N·m] about the hips, forwards positive, of a force in [N] at a point."""
     return up * forward - ahead * upward
 
 
 def harness_pull(harness: Harness, height: float, speed: float) -> float:
     """Compute and store the upward force in [N] of a rope on the trunk.
 
-    ``height``: height of the attachment in the world in [m]. ``speed``: its upward velocity in [m] / [s].
+    ``height``: height of the attachment in the world in [m]. ``speed``: its upward velocity in [m/s].
     """
     stop = harness.stop
     locked = mechanical_stop_torque(height, speed, stop.lower, stop.upper, stop.stiffness, stop.dissipation)
@@ -202,8 +202,8 @@ def harness_pull(harness: Harness, height: float, speed: float) -> float:
 class Pad:
     """Part of the body that touches the seat."""
 
-    stiffness: float  # Stiffness in [N] / [m].
-    dissipation: float  # Dissipation in [s] / [m].
+    stiffness: float  # Stiffness in [N/m].
+    dissipation: float  # Dissipation in [s/m].
     thickness: float  # Distance from the axis of hip or thigh to the uncompressed skin in [m].
     along: float = 0.0  # Distance from the hip along the thigh in [m]; 0 for the buttocks.
 
@@ -229,7 +229,7 @@ class Seat:
     depth: float  # Distance between front and rear edge in [m].
     rounding: float  # Distance from an edge over which the stiffness rises in [m].
     friction_coefficient: float  # Coulomb coefficient.
-    transition_velocity: float  # Transition velocity of the regularised friction in [m] / [s].
+    transition_velocity: float  # Transition velocity of the regularised friction in [m/s].
     buttocks: Pad  # Both buttocks.
     thigh: Pad  # One thigh.
     hips: list[int]  # Indices of the two hips in the coordinates.
@@ -254,7 +254,7 @@ def seat_force(
     :math:`N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)`
 
     Force and power are added to the sums of the seat. ``forward`` and ``height`` are the position of the
-    uncompressed skin of the pad in [m], ``speed`` and ``rise`` its velocity in [m] / [s].
+    uncompressed skin of the pad in [m], ``speed`` and ``rise`` its velocity in [m/s].
     """
     share = edge_stiffness_share(seat, forward)
     normal = share * mechanical_stop_torque(height, rise, seat.height, height, pad.stiffness, pad.dissipation)
@@ -271,7 +271,7 @@ def seat_force_on_buttocks(
     """Compute the force of the seat on the buttocks, with which the sums of the seat start anew.
 
     Position and velocity are those of the hips. Returns forward and upward force in [N], and the pitching
-    moment about the hips in [N m].
+    moment about the hips in [N·m].
     """
     seat.normal = seat.friction = seat.power = 0.0
     below = seat.buttocks.thickness
@@ -292,7 +292,7 @@ def seat_force_on_thigh(
     """Compute the force of the seat on the back of a thigh from sine, cosine and rate of its elevation.
 
     Position and velocity are those of the hips. Returns forward and upward force in [N], and the moment about
-    the hip that lifts the thigh, in [N m].
+    the hip that lifts the thigh, in [N·m].
     """
     along, behind = seat.thigh.along, seat.thigh.thickness
     ahead, up = along * sine - behind * cosine, -along * cosine - behind * sine

@@ -25,24 +25,24 @@ class Bounds:
 
     lower: float  # Lowest angle in [rad].
     upper: float  # Highest angle in [rad].
-    highest_speed: float  # Largest speed in [rad] / [s].
-    stop_distance_factor: float  # Half the inverse of the braking deceleration in [s²] / [rad].
+    highest_speed: float  # Largest speed in [rad/s].
+    stop_distance_factor: float  # Half the inverse of the braking deceleration in [s²/rad].
     angle_step: float  # Largest change of the angle in a tick in [rad].
-    frozen_speed: float  # Motor speed above which a constant encoder reading is a fault in [rad] / [s].
+    frozen_speed: float  # Motor speed above which a constant encoder reading is a fault in [rad/s].
     frozen_ticks: int  # Number of such ticks that leads to a trip.
     model_gain: float  # Period over the time constant with which the residual decays.
     model_deviation: float  # Largest residual in [rad].
-    highest_torque: float  # Command in [N m] that may be exceeded for a limited time.
+    highest_torque: float  # Command in [N·m] that may be exceeded for a limited time.
     torque_ticks: int  # Number of ticks above it that leads to a trip.
-    highest_command: float  # Largest plausible command in [N m].
-    command_deviation: float  # Largest deviation of the command from its setpoint in [N m].
+    highest_command: float  # Largest plausible command in [N·m].
+    command_deviation: float  # Largest deviation of the command from its setpoint in [N·m].
     command_gain: float  # Gain of the filter of that deviation: period over its time constant.
     highest_current: float  # Largest current in [A].
     heating: float  # Period over winding time constant and squared continuous current in 1 / [A²].
     cooling: float  # Period over winding time constant.
     drive_deviation: float  # Largest difference between measured and target current in [A].
     drive_ticks: int  # Number of ticks with a larger difference that leads to a trip.
-    emf_constant: float  # Back-EMF at the joint in [V s] / [rad].
+    emf_constant: float  # Back-EMF at the joint in [V·s/rad].
     model_resistance: float  # Resistance of winding and inverter that the monitor assumes in [Ω].
 
 
@@ -50,20 +50,20 @@ class Bounds:
 class MonitorState:
     """State of the monitor for a joint and its drive."""
 
-    motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
+    motor_speed: float = 0.0  # Joint speed that the drive infers in [rad/s].
     residual: float = 0.0  # Residual of the encoder in [rad]; see :func:`model_residual`.
     heat: float = 0.0  # Heat of the winding; see :func:`winding_heat`.
     motor_current: float = 0.0  # Measured current in [A].
     current_deviation: float = 0.0  # Measured minus expected current of the drive in [A].
-    last_command: float = 0.0  # Command of the last tick in [N m].
-    command_deviation: float = 0.0  # Filtered deviation of the commands from their setpoints in [N m].
+    last_command: float = 0.0  # Command of the last tick in [N·m].
+    command_deviation: float = 0.0  # Filtered deviation of the commands from their setpoints in [N·m].
     frozen_streak: int = 0  # Consecutive ticks with a constant encoder reading while the motor turned.
     torque_streak: int = 0  # Consecutive ticks with a command above the limit.
     drive_streak: int = 0  # Consecutive ticks with a current that deviates.
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:
-    r"""Estimate the joint speed in [rad] / [s] from voltage U and current I of the drive's winding.
+    r"""Estimate the joint speed in [rad/s] from voltage U and current I of the drive's winding.
 
     :math:`\hat\omega = \frac{U - \hat R I}{K_e\,\tau}`
 
@@ -86,7 +86,7 @@ def stopping_angle(angle: float, velocity: float, distance_factor: float) -> flo
     r"""Compute the angle in [rad] at which a joint comes to rest if it is braked from now on.
 
     The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion; the factor is
-    :math:`1 / (2 a)` with the braking deceleration a, in [s²] / [rad].
+    :math:`1 / (2 a)` with the braking deceleration a, in [s²/rad].
     """
     return angle + distance_factor * velocity * abs(velocity)
 
@@ -147,12 +147,12 @@ def monitor_joint(bounds: Bounds, monitor: MonitorState, encoder: Encoder, perio
 
 
 def command_is_plausible(command: float, highest: float) -> bool:
-    """Check whether a command in [N m] is small enough to be sent to the drive; NaN is not."""
+    """Check whether a command in [N·m] is small enough to be sent to the drive; NaN is not."""
     return abs(command) <= highest
 
 
 def hold_torque(speed: float, damping: float) -> float:
-    r"""Compute the torque in [N m] that brakes a joint at the estimated speed, :math:`-b_h \hat\omega`."""
+    r"""Compute the torque in [N·m] that brakes a joint at the estimated speed, :math:`-b_h \hat\omega`."""
     return -damping * speed
 
 

@@ -11,7 +11,7 @@ _DEGREES = 180.0 / math.pi
 
 
 def passive_hip_torque(hip: float, knee: float) -> float:
-    r"""Compute the passive elastic moment of the hip in [N m] at flexions in [rad].
+    r"""Compute the passive elastic moment of the hip in [N·m] at flexions in [rad].
 
     .. math::
 
@@ -28,7 +28,7 @@ def passive_hip_torque(hip: float, knee: float) -> float:
 
 
 def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
-    r"""Compute the passive elastic moment of the knee in [N m] at angles in [rad].
+    r"""Compute the passive elastic moment of the knee in [N·m] at angles in [rad].
 
     .. math::
 
@@ -47,12 +47,12 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
 
 
 def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float) -> float:
-    r"""Compute the torque in [N m] of a spastic muscle, which resists a stretch that is faster than ω_c.
+    r"""Compute the torque in [N·m] of a spastic muscle, which resists a stretch that is faster than ω_c.
 
     :math:`\tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| >
     \omega_c`
 
-    ``stretch_reflex_threshold``: ω_c in [rad] / [s]. ``gain``: g in [N m s] / [rad].
+    ``stretch_reflex_threshold``: ω_c in [rad/s]. ``gain``: g in [N·m·s/rad].
     """
     excess = abs(velocity) - stretch_reflex_threshold
     if excess <= 0.0:
@@ -65,10 +65,10 @@ def find_grid_interval(angle: float, lowest: float, step: float, entries: int) -
 
     Returns the index of the entry below, and the share of the next one.
     """
-    place = (angle - lowest) / step
-    if place <= 0.0:
+    position = (angle - lowest) / step
+    if position <= 0.0:
         return 0, 0.0
-    if place >= entries - 1:
+    if position >= entries - 1:
         return entries - 2, 1.0
-    below = int(place)
-    return below, place - below
+    below = int(position)
+    return below, position - below

@@ -29,7 +29,7 @@ from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
 
-FRICTION_RATIOS = quantities.Range(0.0, 10.0, reason="a cold and worn gear has some times the friction")
+FRICTION_RATIOS = quantities.Range(0.0, 10.0, reason="a cold and worn gear has several times the friction")
 
 # Names of the controllers that compute k, b, θ0, G and the gravity share.
 ControlMode = StrEnum("ControlMode", {name.upper(): name for name in CONTROLLERS})  # type: ignore[misc]
@@ -48,7 +48,7 @@ class ControlParameters(quantities.Parameters):
         friction_model: The compensator's own friction model (thesis, table 3.1).
         inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
             encoder is noisy (thesis 2.4.2).
-        target_torque: Torque in [N m] that is added to the command (thesis, equation 2.16).
+        target_torque: Torque in [N·m] that is added to the command (thesis, equation 2.16).
         limits: Limits of torque and current.
         safety: Safety monitor between controller and motor.
         patient: The wearer that gravity compensation assumes; None takes the true one.
@@ -105,7 +105,7 @@ class PlantParameters(quantities.Parameters):
         electronics: Consumers of the pack other than the windings.
         stops: Mechanical stops.
         ankle: Orthosis of the ankle.
-        gravity: Gravitational acceleration in [m] / [s²].
+        gravity: Gravitational acceleration in [m/s²].
     """
 
     friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], FRICTION_RATIOS] = field(

@@ -41,7 +41,7 @@ class Push(Event):
     """Torque on a joint from outside. A later push of the same joint replaces an earlier one."""
 
     joint: str  # Joint with its leg, for example ``left_knee``.
-    torque: float  # Torque in [N m], positive towards flexion.
+    torque: float  # Torque in [N·m], positive towards flexion.
     duration_ticks: int  # Length of the push in ticks.
 
 

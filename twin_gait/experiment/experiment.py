@@ -37,7 +37,7 @@ from twin_gait.worlds.world import LegSource, Scenario, World
 
 
 class Engine(StrEnum):
-    """Engine that simulates the episode: the same laws, in Python on Pinocchio or compiled."""
+    """Engine that simulates an episode by the same laws: plain Python over Pinocchio, or compiled code."""
 
     PINOCCHIO = "pinocchio"
     COMPILED = "compiled"
@@ -50,8 +50,8 @@ class IntegrationMethod(StrEnum):
     RK4 = "rk4"
 
 
-# Finest step in [s]. Finer ones gain nothing: rounding exceeds the integrator's error, and a second takes
-# minutes.
+# Smallest step in [s]. With a smaller one, rounding exceeds the error of the integrator, and a simulated
+# second takes minutes.
 FINEST_STEP = 1e-7
 STEPS = Range(FINEST_STEP, TICK, words=f"{FINEST_STEP:g} to {TICK:g} s")
 _BRACED_STEP = 0.1e-3  # step of the compiled engine in [s]
@@ -59,18 +59,18 @@ _BRACED_STEP = 0.1e-3  # step of the compiled engine in [s]
 
 @dataclass(frozen=True, kw_only=True)
 class Integration(Parameters):
-    """Integrator and step.
+    """Integrator and integration step of the plant.
 
     Attributes:
         method: Integration method.
-        step: Step in [s]; a whole number of steps must fill a tick of 1 ms.
+        step: Integration step in [s]; a tick of 1 ms must contain a whole number of steps.
     """
 
     method: IntegrationMethod = IntegrationMethod.SEMI_IMPLICIT_EULER
     step: Annotated[Time, STEPS] = 0.25e-3
 
     def __post_init__(self) -> None:
-        """Check that a whole number of steps fills a tick."""
+        """Check that a tick contains a whole number of steps."""
         super().__post_init__()
         ratio = TICK / self.step
         such = f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s"
@@ -85,10 +85,11 @@ class Integration(Parameters):
 def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
     """Return the default integrator and step of an engine.
 
-    The compiled engine is fast enough for the step that the accuracy of the solution requires: Runge-Kutta at
-    1 ms, and at 0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine
-    steps in Python and uses the largest step at which it still simulates the contacts stably and faster than
-    real time.
+    The compiled engine is fast enough for the step that an accurate solution requires: Runge-Kutta at 1 ms,
+    and at 0.1 ms if stiff contacts open and close, or if braces hold a light foot. The Pinocchio engine runs
+    in Python and uses the largest step with which contacts are stable.
+
+    ``braced``: whether braces connect wearer and device.
     """
     if engine is Engine.PINOCCHIO:
         return Integration()
@@ -96,7 +97,7 @@ def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = Fa
     return Integration(method=IntegrationMethod.RK4, step=step)
 
 
-# A log takes about 1 kB of memory a millisecond; an hour of walking is 3 GB.
+# A log needs about 1 kB of memory per tick, so an hour of walking needs 3 GB.
 LONGEST_RUN = 3600.0  # [s]
 DURATIONS = Range(TICK, LONGEST_RUN, words=f"a number of seconds from {TICK:g} to {LONGEST_RUN:g}")
 
@@ -108,24 +109,24 @@ class Experiment(Parameters):
     Attributes:
         name: Name of the preset or file.
         scenario: World in which the legs walk.
-        leg: URDF and joint names.
+        leg: URDF and joint names of the legs.
         table: Gait table, before scaling.
         duration: Duration in [s], rounded to whole ticks.
-        patient: The wearer, or None for the empty device.
+        patient: Wearer, or None for the empty device.
         control: Parameters of the controller.
-        plant: True properties of the leg.
-        sensors: Encoders and filters.
-        integration: Integrator and step; None takes those of :func:`default_integration`.
-        engine: Engine that computes the forward dynamics.
+        plant: True properties of legs and drives.
+        sensors: Encoders, filters and the inertial measurement unit.
+        integration: Integrator and step; None for those of :func:`default_integration`.
+        engine: Engine that simulates the run.
         seed: Seed of every random draw.
         faults: Faults that occur during the run.
         interface: Braces between wearer and device, or None if the two are one body.
         network: CAN bus between central unit and boards, or None for signals without delay.
-        modes: Operating modes, or None where the legs walk by their own guards alone.
-        initial_mode: Mode in which the device begins; None for the first of the modes.
+        modes: Table of operating modes, or None if the legs walk by the gait table alone.
+        initial_mode: Mode at the start; None for the first mode of the table.
         requests: Requests to the supervisor, with their times.
-        controller: Record of a controller of the user's own that replaces ``control.mode``, or None.
-        events: Changes, pushes, steps by hand and stops with their times, in the order of time.
+        controller: Record of a controller of the user's own, which replaces ``control.mode``, or None.
+        events: Changes, pushes, steps by hand and emergency stops, in the order of their times.
     """
 
     name: str
@@ -150,10 +151,10 @@ class Experiment(Parameters):
     events: Annotated[tuple[Event, ...], CustomSerialized()] = ()
 
     def __post_init__(self) -> None:
-        """Check the ranges, the joints of the table and the faults."""
+        """Check the ranges, and that all parts fit each other."""
         super().__post_init__()
         plain = isinstance(self.name, str) and self.name and not set(self.name) & set("/\\\0\n")
-        require(bool(plain), "name", "a plain name", self.name)
+        require(bool(plain), "name", "a name without slashes, line breaks and null characters", self.name)
         self._check_joints()
         for fault in self.faults:
             fault.require_fit(self.leg.legs, self.joints, self.scenario.grounded, self.duration)
@@ -164,35 +165,37 @@ class Experiment(Parameters):
                 require(joint in self.joints, "sensors offset", known, str(joint))
         blind = [str(item) for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         safe = self.control.safety.enabled or not blind
-        require(safe, "faults", "control.safety enabled: there is no gait without angles", ", ".join(blind))
+        expected = "control.safety.enabled: true, because the legs cannot walk without angles"
+        require(safe, "faults", expected, ", ".join(blind))
         if self.network is not None:
             self.network.require_fit(self.leg.legs, self.joints, self.duration)
         self._check_modes()
         self._check_events()
         bare = self.patient is None or self.scenario.pelvis is PelvisGuide.FREE
-        expected = "rigid without a wearer, and on one whose trunk is free"
+        expected = "rigid, because there is no wearer, or one whose trunk is free"
         require(self.interface is None or not bare, "interface", expected, "brace")
 
     def _check_modes(self) -> None:
-        """Check that modes read joints of two legs, and have postures that the gait table offers."""
+        """Check that the modes use joints of two legs, and postures of the gait table."""
         check_requests(self.requests, self.modes)
         if self.modes is None:
-            require(self.initial_mode is None, "initial_mode", "modes, such as twin", str(self.initial_mode))
+            expected = "null without modes, or a table of modes under modes, such as twin"
+            require(self.initial_mode is None, "initial_mode", expected, str(self.initial_mode))
             return
         table, modes = f"gait table {self.table.name!r}", f"modes {self.modes.name!r}"
         known = f"one of {', '.join(self.modes.phases)} of {modes}"
         require(self.initial_mode in (None, *self.modes.phases), "initial_mode", known, self.initial_mode)
         require(len(self.leg.legs) == 2, "modes", "an experiment with two legs", ", ".join(self.leg.legs))
         controlled = f"joints that {table} controls, {', '.join(self.table.joints)}"
-        there = set(self.modes.joints) <= set(self.table.joints)
-        require(there, f"joints of {modes}", controlled, ", ".join(self.modes.joints))
-        offered = f"one that {table} offers under postures ({', '.join(self.table.postures) or 'none'})"
+        are_controlled = set(self.modes.joints) <= set(self.table.joints)
+        require(are_controlled, f"joints of {modes}", controlled, ", ".join(self.modes.joints))
+        offered = f"one of the postures of {table} ({', '.join(self.table.postures) or 'none'})"
         for name, mode in self.modes.phases.items():
-            there = mode.posture in (None, *self.table.postures)
-            require(there, f"posture of {name} in {modes}", offered, mode.posture)
+            is_offered = mode.posture in (None, *self.table.postures)
+            require(is_offered, f"posture of {name} in {modes}", offered, mode.posture)
 
     def _check_events(self) -> None:
-        """Check that events come before the end of the run, and that joints and steps by hand exist."""
+        """Sort the events by time; check their times and joints, and that steps by hand are possible."""
         object.__setattr__(self, "events", tuple(sorted(self.events, key=lambda item: item.tick)))
         joints = [f"{side}_{joint}" for side in self.leg.legs for joint in self.joints]
         for item in self.events:
@@ -201,7 +204,7 @@ class Experiment(Parameters):
             if isinstance(item, Push):
                 require(item.joint in joints, "joint of a push", f"one of {', '.join(joints)}", item.joint)
             if isinstance(item, Step) or (isinstance(item, Change) and item.changes.get("manual")):
-                expected = f"a gait table with {HELD_PHASE}, and no modes, whose steps are requests"
+                expected = f"a gait table with the phase {HELD_PHASE}, and no modes (then send requests)"
                 require(self.stepped_by_hand, "steps by hand", expected, self.table.name)
 
     @property
@@ -210,7 +213,7 @@ class Experiment(Parameters):
         return HELD_PHASE in self.table.phases and self.modes is None
 
     def _check_joints(self) -> None:
-        """Check that every joint of the table belongs to the legs and has a drive, friction and a path."""
+        """Check that every joint of the table is in the legs, and has a drive and a friction model."""
         table, names = f"gait table {self.table.name!r}", ", ".join(self.table.joints)
         ordered = [joint for joint in JointName if joint in self.table.joints] == list(self.table.joints)
         require(ordered, f"joints of {table}", f"some of {', '.join(JointName)}, in this order", names)
@@ -220,10 +223,11 @@ class Experiment(Parameters):
         for joint in self.joints:
             for key, given in needed.items():
                 if joint not in given:
-                    raise ParameterError(f"{key}.{joint}: is missing, and {table} controls the {joint}")
-        refused = self.control.controller().check_joints(self.joints)
-        if refused:
-            raise ParameterError(f"{refused}; {table} controls {names}")
+                    problem = f"is missing, but {table} controls the {joint}; add it"
+                    raise ParameterError(f"{key}.{joint}: {problem}")
+        problem = self.control.controller().check_joints(self.joints)
+        if problem:
+            raise ParameterError(f"{problem}; {table} controls {names}")
 
     @cached_property
     def joints(self) -> tuple[JointName, ...]:
@@ -232,7 +236,7 @@ class Experiment(Parameters):
 
     @property
     def assumed_patient(self) -> Patient | None:
-        """Wearer that the controller assumes."""
+        """Wearer that the controller assumes: ``control.patient`` or, without it, ``patient``."""
         return self.control.patient or self.patient
 
     @property
@@ -269,7 +273,7 @@ class Experiment(Parameters):
         return world
 
     def _compare_effort_limits(self, model: LegModel) -> None:
-        """Warn if the controller may command more torque than the URDF allows at a driven joint."""
+        """Warn if the limit of the command torque is above the effort limit in the URDF of a driven joint."""
         limit = self.control.limits.torque
         for side, leg in model.legs.items():
             for joint, name in leg.items():
@@ -284,7 +288,7 @@ class Experiment(Parameters):
     def leg_model(
         self, patient: Patient | None, pelvis: PelvisGuide, bodies: BodySelection = BodySelection.BOTH
     ) -> LegModel:
-        """Build the rigid bodies of the legs with a wearer, or None, and a guide of the pelvis."""
+        """Build the rigid bodies of the legs with a guide of the pelvis; ``patient``: wearer, or None."""
         return LegModel(
             self.leg.urdf,
             self.leg.legs,
@@ -297,22 +301,23 @@ class Experiment(Parameters):
             bodies=bodies,
         )
 
-    def _require_step_for(self, world: World, keys: str, what: str) -> None:
-        """Raise ParameterError if the step is too large for stable braces or bristles."""
-        step, runge_kutta = (
-            self.resolved_integration.step,
-            self.resolved_integration.method is IntegrationMethod.RK4,
-        )
+    def _require_step_for(self, world: World, keys: str, parts: str) -> None:
+        """Raise ParameterError if the step is too large for stable braces or bristles.
+
+        ``keys``: keys of the parts in a file; ``parts``: their names; both are for the message.
+        """
+        step = self.resolved_integration.step
+        runge_kutta = self.resolved_integration.method is IntegrationMethod.RK4
         if is_step_stable(world, step, runge_kutta=runge_kutta):
             return
         finer = (TICK / self.resolved_integration.substeps / factor for factor in (2, 5, 10, 20, 50, 100))
         enough = next((item for item in finer if is_step_stable(world, item, runge_kutta=runge_kutta)), None)
-        way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
+        remedy = "use" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or use"
         raise ParameterError(
-            f"{keys}: the {what} are too stiff or too strongly damped for a step of "
-            f"{1e3 * step:g} ms ({self.resolved_integration.method}); {way_out} softer {what}"
+            f"{keys}: the {parts} are too stiff or too strongly damped for a step of "
+            f"{1e3 * step:g} ms ({self.resolved_integration.method}); {remedy} softer {parts}"
         )
 
     def build_control_model(self) -> LegModel:
-        """Build the model of the controller: pelvis fixed, with the wearer that the controller assumes."""
+        """Build the controller's model: with a fixed pelvis, and the wearer that the controller assumes."""
         return self.leg_model(self.assumed_patient, PelvisGuide.FIXED)

@@ -146,8 +146,8 @@ def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
 def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     codes = message.codes.get("trip_cause", {})
     # A DBC file may lack a code for a cause.
-    own = [codes.get(str(cause), 0) if codes else cause.code for cause in TripCause]
-    return np.take(own, rows["trip_cause"].astype(int))
+    trip_codes = [codes.get(str(cause), 0) if codes else cause.code for cause in TripCause]
+    return np.take(trip_codes, rows["trip_cause"].astype(int))
 
 
 def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> None:

@@ -57,7 +57,7 @@ class ExternalLoad(NamedTuple):
     body: str  # body on which it acts
     force: np.ndarray  # in [N], shape ``(n, 3)``
     point: np.ndarray  # point of application in the world in [m], shape ``(n, 3)``
-    torque: np.ndarray  # free torque in addition to the force in [N m], shape ``(n, 3)``
+    torque: np.ndarray  # free torque in addition to the force in [N·m], shape ``(n, 3)``
 
 
 def export_inverse_dynamics(
@@ -74,11 +74,11 @@ def export_inverse_dynamics(
     free.
     """
     if len(run.log) < 2:
-        raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
+        raise ParameterError(f"log: expected two rows or more for OpenSim, got {len(run.log)}")
     world, name = run.experiment.build_world(), run.experiment.name
     if world.model.pitch_index is not None:
         left_out = "a trunk that pitches, its arms and crutches are not in what OpenSim would be given"
-        raise ParameterError(f"{name}: {left_out}; take --format mot for the joint angles")
+        raise ParameterError(f"{name}: {left_out}; use --format mot for the joint angles")
     bodies = world.model
     if world.braces is not None:
         bodies = world.braces.device if device else world.braces.wearer
@@ -183,27 +183,27 @@ def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
         return {}
     positions, _ = state_columns(model, wearer=world.braces is not None and not device)
     guides = (model.forward_index, model.pelvis_index)
-    places = (still if index is None else run.log[positions[index]].to_numpy() for index in guides)
-    return dict(zip(PELVIS_COORDINATES, (still, *places), strict=True))
+    coordinates = (still if index is None else run.log[positions[index]].to_numpy() for index in guides)
+    return dict(zip(PELVIS_COORDINATES, (still, *coordinates), strict=True))
 
 
 def _joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
-    """Compute the moments in [N m] at the joints of the written bodies, with OpenSim's names and signs."""
+    """Compute the moments in [N·m] at the joints of the written bodies, with OpenSim's names and signs."""
     moments = {}
     for side, joint in ((side, joint) for side, leg in world.model.legs.items() for joint, _ in leg.items()):
-        own, log = _device_moment(run, world, side, joint), run.log
+        device_moment, log = _device_moment(run, world, side, joint), run.log
         wearers, brace = f"{side}_{joint}_external_torque_Nm", f"{side}_{joint}_brace_torque_Nm"
         if world.braces is not None and device:
-            moment = own - log[brace]
+            moment = device_moment - log[brace]
         else:
-            moment = log.get(wearers, 0.0) + (own if world.braces is None else log[brace])
+            moment = log.get(wearers, 0.0) + (device_moment if world.braces is None else log[brace])
         name = f"{convention.columns[side, joint]}_moment"
         moments[name] = convention.signs.get(joint, 1.0) * np.asarray(moment)
     return moments
 
 
 def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
-    """Compute the moment of the device at a joint in [N m].
+    """Compute the moment of the device at a joint in [N·m].
 
     It is the sum of motor, friction, stop and orthosis minus the torque that accelerates the rotor; without a
     motor, the sum of orthosis and stop.
@@ -291,7 +291,12 @@ def _body(
         "joint": "PlanarJoint" if body.prismatic else "PinJoint",
         "coordinates": coordinates,
         "frames": [
-            {"name": frame, "parent": path, "place": place, "angles": rotation.as_euler("XYZ")}
-            for frame, path, place, rotation in frames
+            {
+                "name": frame,
+                "parent": path,
+                "translation": translation,
+                "angles": rotation.as_euler("XYZ"),
+            }
+            for frame, path, translation, rotation in frames
         ],
     }

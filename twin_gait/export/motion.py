@@ -41,11 +41,11 @@ def joint_angles(
 ) -> dict[str, np.ndarray]:
     """Return the angles of all joints of a log by column, with the names and signs of a model."""
     if not convention.columns:
-        raise ParameterError(f"convention: {convention.name} has no column names of its own")
-    own: Container[str] = () if device else log.columns
+        raise ParameterError(f"convention: {convention.name} has no column names; choose another one")
+    searched: Container[str] = () if device else log.columns
     columns = {}
     for (side, joint), name in convention.columns.items():
-        column = wearer_column(own, side, joint, "angle_rad")
+        column = wearer_column(searched, side, joint, "angle_rad")
         if column in log:
             angle = convention.convert_angle(joint, log[column].to_numpy(dtype=float))
             if unit == DEGREES:  # a name that contains a unit contains the written one

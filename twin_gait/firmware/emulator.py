@@ -28,8 +28,8 @@ _COST = 2  # number of words after the outputs: counts of the clock, bytes of st
 _PIPE = 4096  # bytes that fit into any pipe
 # Meaning of the exit status of cortex_m4.c.
 _STATUS = {
-    70: "the processor stopped at a fault, such as an address without memory",
-    71: "4 kB of stack are full",
+    70: "the processor stopped at a fault, such as an invalid address",
+    71: "the stack of 4 kB overflowed",
 }
 
 
@@ -74,10 +74,11 @@ class UnitProcess:
         rows = np.ascontiguousarray(inputs)
         if rows.nbytes != len(rows) * self._input_bytes:
             size = rows.nbytes // max(len(rows), 1)
-            raise FirmwareError(f"{self._name} takes inputs of {self._input_bytes} bytes a tick, got {size}")
+            expected = f"expected inputs of {self._input_bytes} bytes per tick, got {size}"
+            raise FirmwareError(f"{self._name}: {expected}")
         process, answers = self.process, list[bytes]()
         if process is None or process.stdin is None:
-            raise FirmwareError(f"{self._name}: a unit runs in a with statement")
+            raise FirmwareError(f"{self._name}: a unit can only be used in a with statement")
         # Send at most as much as fits into the pipes: otherwise each side might wait for the other to read.
         ticks = max(1, _PIPE // max(self._input_bytes, 4 * self._answer_words))
         for part in (rows[first : first + ticks] for first in range(0, len(rows), ticks)):
@@ -95,7 +96,7 @@ class UnitProcess:
         while len(content) < size:
             if not select.select([process.stdout], [], [], self._timeout)[0]:
                 self._end()
-                raise FirmwareError(f"{self._name} has not answered within {self._timeout:g} s")
+                raise FirmwareError(f"{self._name} has not responded within {self._timeout:g} s")
             part = os.read(process.stdout.fileno(), size - len(content))
             if not part:
                 raise FirmwareError(f"{self._name} has ended: {self._failure_text(process)}")
@@ -104,12 +105,13 @@ class UnitProcess:
 
     def _failure_text(self, process: Popen[bytes]) -> str:
         assert process.stderr is not None  # __enter__ opens it
-        said = process.stderr.read().decode(errors="replace").splitlines()
+        errors = process.stderr.read().decode(errors="replace").splitlines()
         status = process.wait()
         self._end()
         if status in _STATUS:
             return _STATUS[status]
-        return [*(line for line in said if "error" in line.lower()), *said[-1:], f"exit status {status}"][0]
+        first_errors = [line for line in errors if "error" in line.lower()]
+        return [*first_errors, *errors[-1:], f"exit status {status}"][0]
 
     def _end(self) -> None:
         process, self.process = self.process, None
@@ -149,7 +151,8 @@ class Emulator(UnitProcess):
         found = np.rint((counts - shortest) / rate) + _CALIBRATION[0]
         # Adjacent numbers could not be distinguished with less than a few counts per instruction.
         if rate < 4.0 or (found[: len(_CALIBRATION)] != _CALIBRATION).any():
-            raise FirmwareError(f"this version of {self._name} has a clock that does not follow instructions")
+            problem = f"the clock of this version of {self._name} does not count instructions"
+            raise FirmwareError(f"{problem}; install another version")
         return np.asarray(found[len(_CALIBRATION) :], np.int64)
 
     @property

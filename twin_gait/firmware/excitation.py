@@ -77,7 +77,7 @@ class BoardInputs:
     ) -> Rows:  # fmt: skip
         """Return rows with a joint at rest, and a motor with a speed, a current and a target torque.
 
-        ``speed`` in [rad] / [s], ``current`` and its ``deviation`` in [A], ``target`` in [N·m].
+        ``speed`` in [rad/s], ``current`` and its ``deviation`` in [A], ``target`` in [N·m].
         """
         rows = self.rows_along(np.full(ticks + 2, self.middle))
         rows["current"][2:], rows["current_deviation"][2:] = current, deviation
@@ -86,7 +86,7 @@ class BoardInputs:
         return rows
 
     def rows_at_speed(self, speed: float, end: float, ticks: int = 120) -> Rows:
-        """Return rows with a joint that moves at a speed in [rad] / [s] to an angle in [rad]."""
+        """Return rows with a joint that moves at a speed in [rad/s] to an angle in [rad]."""
         return self.rows_along(end + speed * self.period * np.minimum(np.arange(-ticks, 4), 0))
 
     def monitor_bound_rows(self) -> Iterator[Rows]:
@@ -203,14 +203,14 @@ def codec_rows(messages: Sequence[CanMessage], dtype: np.dtype[Any]) -> Rows:
         rows = np.zeros(count, dtype)
         rows["message"], frames = number, rows["frame"]
         frames["identifier"], frames["length"] = message.identifier, message.length
-        for place, signal in enumerate(message.signals):
+        for index, signal in enumerate(message.signals):
             low, high = int(signal.lowest), int(signal.highest)
             near = [0, signal.missing, *(code + step for code in (low, high) for step in (-1, 0, 1))]
             codes = np.r_[near, random.integers(low, high, count - len(near), endpoint=True)]
             random.shuffle(codes)
             steps = codes + random.choice([-0.501, -0.499, 0.0, 0.499, 0.501], count)
             steps[random.choice(count, 3, replace=False)] = math.nan, math.inf, -math.inf
-            rows["values"][:, place] = steps * signal.scale + signal.offset
+            rows["values"][:, index] = steps * signal.scale + signal.offset
             frames["halves"][:, signal.half] |= (codes & signal.mask) << signal.start
         frames["halves"][: count // 4] = random.integers(0, 2**31, (count // 4, 2))
         frames["identifier"][-3] += 1
@@ -245,11 +245,15 @@ def closing_angles(state: Any, command: float) -> Values:
             [joint.setpoints[leg.phase].equilibrium + offset * (joint is row[0]) for joint in row]
             for leg, row, offset in zip(legs, joints, offsets, strict=True)
         ]
-        own = [[*chain(*((angle, 0.0) for angle in row)), math.nan, LONG] for row in angles]
+        leg_signals = [[*chain(*((angle, 0.0) for angle in row)), math.nan, LONG] for row in angles]
         if not any(
             rule.source == leg.phase
             and evaluate_guard(
-                program, rule.first_node, rule.end_node, [*own[k], *own[k - 1], *device], legs[k - 1].phase
+                program,
+                rule.first_node,
+                rule.end_node,
+                [*leg_signals[k], *leg_signals[k - 1], *device],
+                legs[k - 1].phase,
             )
             for k, leg in enumerate(legs)
             for rule in program.transitions[: program.n_transitions]

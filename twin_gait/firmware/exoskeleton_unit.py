@@ -83,8 +83,8 @@ def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
     inputs = units.ExoskeletonInputs(
         [units.JointBoardInputs() for _ in range(joints)], units.DirectInputs([0.0] * legs)
     )
-    demands, commands = [JointSetpoint() for _ in range(joints)], [Command() for _ in range(joints)]
-    outputs = units.ExoskeletonOutputs(demands, commands, units.Decision([0] * legs, [0] * legs))
+    setpoints, commands = [JointSetpoint() for _ in range(joints)], [Command() for _ in range(joints)]
+    outputs = units.ExoskeletonOutputs(setpoints, commands, units.Decision([0] * legs, [0] * legs))
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["WITH_INERTIA_COMPENSATION"]:
         texts.append(write_control_inertia(bodies.control_bodies))
@@ -182,7 +182,7 @@ def engine_without_bus(
     """
     for fault in experiment.faults:
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
-            raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
+            raise FirmwareError(f"faults: {fault} is a fault of the controller itself; verify without it")
     return CompiledEngine(build_setup(replace(experiment, network=None)), on_compile=on_compile)
 
 

@@ -76,17 +76,17 @@ class Expressions:
         """Return the kind of an argument or a variable of the function; None for any other name."""
         return self.function.params.get(name) or self.function.locals.get(name)
 
-    def fit(self, node: ast.AST, value: Value, wanted: Kind) -> Value:
+    def fit(self, node: ast.AST, value: Value, expected: Kind) -> Value:
         """Convert a value to a kind; raise FirmwareError if the kind cannot represent it."""
         kind = value.kind
-        widened = (kind in (INT, BOOL) and wanted is REAL) or (kind is BOOL and wanted is INT)
-        if kind != wanted and not widened and joined(kind, wanted) is None:
-            raise self.source.print_error(node, f"is {kind} where {wanted} is expected")
-        return value.in_kind(wanted)
+        widened = (kind in (INT, BOOL) and expected is REAL) or (kind is BOOL and expected is INT)
+        if kind != expected and not widened and joined(kind, expected) is None:
+            raise self.source.print_error(node, f"is {kind} where {expected} is expected")
+        return value.in_kind(expected)
 
-    def expect(self, node: ast.expr, wanted: Kind) -> Value:
+    def expect(self, node: ast.expr, expected: Kind) -> Value:
         """Return an expression of a given kind."""
-        return self.fit(node, self.value(node), wanted)
+        return self.fit(node, self.value(node), expected)
 
     def mark_written(self, value: Value) -> None:
         """Record that a record or list is written to, and so all records through which it is reached."""
@@ -99,7 +99,7 @@ class Expressions:
     def length(self, node: ast.AST, value: Value) -> int:
         """Return the length of a list and record that it is relevant; raise FirmwareError if unknown."""
         if not isinstance(value.kind, ListKind) or value.kind.length is None:
-            raise self.source.print_error(node, "is no list of one known length")
+            raise self.source.print_error(node, "is not a list with one known length")
         self._note_length(value)
         return value.kind.length
 
@@ -115,7 +115,7 @@ class Expressions:
         kinds = [value.kind for value in values]
         for node, kind in zip(nodes, kinds, strict=True):
             if not isinstance(kind, Scalar):
-                raise self.source.print_error(node, "is no number")
+                raise self.source.print_error(node, "is not a number")
         return values, REAL if REAL in kinds else INT if INT in kinds else BOOL
 
     def statement_value(self, node: ast.expr) -> Value:
@@ -159,17 +159,17 @@ class Expressions:
                 return Value(kind, f"{given} ? {yes} : {no}", CHOICE)
             case ast.Call():
                 return self.call(node)
-        raise self.source.print_error(node, "an expression that is not printed")
+        raise self.source.print_error(node, "this kind of expression cannot be printed")
 
     def _field(self, node: ast.Attribute) -> Value:
         """Return a field of a record, which may be written to."""
         record = self.value(node.value)
         if not isinstance(record.kind, type):
-            raise self.source.print_error(node, "is no field of a record")
+            raise self.source.print_error(node, "is not a field of a record")
         field = (record.kind, node.attr)
         kind = self.functions.shapes.fields.get(field[0], {}).get(node.attr)
         if kind is None:
-            raise self.source.print_error(node, f"no sample of {field[0].__name__} has {node.attr}")
+            raise self.source.print_error(node, f"no sample of {field[0].__name__} has the field {node.attr}")
         self.functions.used.add(field)
         text = f"{record.text}{'->' if record.is_address else '.'}{identifier(node.attr)}"
         reached, address = (*record.fields, field), field not in self.functions.mutable
@@ -179,7 +179,7 @@ class Expressions:
         """Return an entry of a list, which may be written to."""
         items, at = self.value(node.value), self.expect(node.slice, INT)
         if not isinstance(items.kind, ListKind) or isinstance(node.slice, ast.UnaryOp):
-            raise self.source.print_error(node, "is no entry of a list, counted from its beginning")
+            raise self.source.print_error(node, "is not an entry of a list, counted from its beginning")
         kind, text, reached = items.kind.item, f"{items.text}[{at.text}]", (*items.fields, None)
         return replace(items, kind=kind, text=text, is_address=False, fields=reached)
 
@@ -187,7 +187,7 @@ class Expressions:
         value = self.functions.sources.resolve(node.id, self.source.scope)
         kind = SCALARS.get(type(value))
         if kind is None:
-            raise self.source.print_error(node, "is no constant number")
+            raise self.source.print_error(node, "is not a constant number")
         self.function.constants[node.id] = value
         return Value(kind, identifier(node.id))
 
@@ -195,7 +195,7 @@ class Expressions:
         (inner,), kind = self.numbers([node.operand])
         sign, kinds = SIGNS.get(type(node.op), ("", ()))
         if kind not in kinds:
-            raise self.source.print_error(node, f"a sign that {kind} does not take")
+            raise self.source.print_error(node, f"this operator cannot be printed for {kind}")
         text = inner.inside(UNARY)
         text = f"{sign}({text})" if text[0] == sign == "-" else sign + text
         return Value(inner.kind, text, UNARY)
@@ -205,7 +205,7 @@ class Expressions:
         kind = REAL if isinstance(node.op, ast.Div) else kind
         sign, binds, kinds = OPERATORS.get(type(node.op), ("", PRIMARY, ()))
         if kind not in kinds:
-            raise self.source.print_error(node, "arithmetic that is not printed")
+            raise self.source.print_error(node, "this kind of arithmetic cannot be printed")
         left, right = (operand.in_kind(kind) for operand in operands)
         if binds == PRIMARY:
             return Value(kind, f"{sign}({left.text}, {right.text})")
@@ -219,7 +219,7 @@ class Expressions:
         parts, binds = [], AND
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
             if type(op) not in RELATIONS:
-                raise self.source.print_error(node, "a comparison that is not printed")
+                raise self.source.print_error(node, "this kind of comparison cannot be printed")
             sign, binds = RELATIONS[type(op)]
             kind = REAL if REAL in (left.kind, right.kind) else INT
             parts.append(f"{left.in_kind(kind).inside(SHIFT)} {sign} {right.in_kind(kind).inside(SHIFT)}")
@@ -229,7 +229,7 @@ class Expressions:
         """Return a call of a function of real.h or of a printed function."""
         match node:
             case ast.Call(keywords=[_, *_]):
-                raise self.source.print_error(node, "arguments are given by place")
+                raise self.source.print_error(node, "arguments must be given by position")
             case ast.Call(func=ast.Name(id="int"), args=[ast.Call(ast.Attribute(attr="floor")) as inner]):
                 floor = self.call(inner)
                 return replace(floor, kind=INT, text=floor.text.replace("real", "int", 1))
@@ -242,16 +242,16 @@ class Expressions:
                 source = self.functions.sources.resolve(name, self.source.scope)
                 if isinstance(source, Source):
                     return self._call_of(node, source)
-        raise self.source.print_error(node, "a function that is not printed")
+        raise self.source.print_error(node, "this function cannot be printed")
 
     def _built_in(self, node: ast.Call, name: str) -> Value:
         if len(node.args) != BUILT_IN[name]:
-            raise self.source.print_error(node, "a function that is not printed")
+            raise self.source.print_error(node, "this function cannot be printed")
         if name == "len":
             return Value(INT, str(self.length(node.args[0], self.value(node.args[0]))))
         values, kind = self.numbers(node.args)
         if (name == "int" and kind is REAL) or (name == "abs" and kind is BOOL):
-            raise self.source.print_error(node, "a function that is not printed")
+            raise self.source.print_error(node, "this function cannot be printed")
         kind = {"float": REAL, "int": INT}.get(name, INT if kind is BOOL else kind)
         called = f"({kind})" if name in ("float", "int") else f"{'real' if kind is REAL else 'int'}_{name}"
         return Value(kind, f"{called}({', '.join(value.in_kind(kind).text for value in values)})")
@@ -262,12 +262,13 @@ class Expressions:
         given = [self.value(item) for item in node.args]
         called = self.function.calls[node] = self.functions.called(source, [item.kind for item in given])
         texts = []
-        for item, value, (name, wanted) in zip(node.args, given, called.params.items(), strict=True):
-            texts.append(self.fit(item, value, wanted).text)
+        for item, value, (name, expected) in zip(node.args, given, called.params.items(), strict=True):
+            texts.append(self.fit(item, value, expected).text)
             if name in called.written:
                 self.mark_written(value)
             if name in called.lengths:
                 self.length(item, value)
         if called.writes and node is not self.alone:  # C may evaluate other operands before or after it
-            raise self.source.print_error(node, "changes records beside what else is read; name its result")
+            problem = "changes records in an expression that reads other values; assign its result to a name"
+            raise self.source.print_error(node, problem)
         return Value(called.returns, f"{called.name}({', '.join(texts)})")

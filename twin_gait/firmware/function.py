@@ -77,13 +77,14 @@ class Functions:
             try:
                 kinds.append(kind_of_hint(source.hints.get(item.arg, item.arg)))
             except TypeError:
-                raise source.print_error(source.tree.args, f"{item.arg} is of no kind that C knows") from None
+                problem = f"{item.arg} has a type that cannot be printed"
+                raise source.print_error(source.tree.args, problem) from None
         return self.called(source, kinds)
 
     def called(self, source: Source, given: Sequence[Kind]) -> Function:
         """Analyse a function for arguments of given kinds."""
         if source in self._open:
-            raise source.print_error(source.tree.args, "recursion, which has no bounded stack")
+            raise source.print_error(source.tree.args, "recursion is not allowed: its stack is not bounded")
         names = [item.arg for item in source.tree.args.args]
         params: dict[str, Kind] = {}
         for name, kind in zip(names, given, strict=True):
@@ -102,6 +103,6 @@ class Functions:
         for name, kind in params.items():
             before, both = known.params[name], joined(known.params[name], kind)
             if (both is None and kind is not None) or (both != before and name in known.lengths):
-                raise source.print_error(source.tree.args, f"{name} is of two kinds in two calls")
+                raise source.print_error(source.tree.args, f"{name} has different types in two calls")
             known.params[name] = both
         return known

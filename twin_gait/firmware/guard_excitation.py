@@ -103,20 +103,20 @@ class Guards:
         """Set first signals of comparisons above their thresholds, or below; clearly with a side of ±1."""
         for item in self._comparisons(nodes):
             gap = self.random.uniform(0.01, 0.2) if abs(side) == 1.0 else abs(item.threshold) + 1e-4
-            wanted, places = item.threshold + side * gap, list[int]()
+            value, indices = item.threshold + side * gap, list[int]()
             for signal in (item.signal_a, item.signal_b):
                 device = signal - 2 * self.block  # Behind both legs; otherwise of this leg or the other one.
-                own = (leg * self.block + signal) % (self.legs * self.block)
-                places.append(self.legs * self.block + device if device >= 0 else own)
+                index = (leg * self.block + signal) % (self.legs * self.block)
+                indices.append(self.legs * self.block + device if device >= 0 else index)
             if item.factor_b != 0.0:
-                wanted -= item.factor_b * values[places[1]]
-            values[places[0]] = wanted / item.factor_a
+                value -= item.factor_b * values[indices[1]]
+            values[indices[0]] = value / item.factor_a
 
     def _rows(self, values: Values, ticks: int) -> Rows:
         """Return rows with signals of all legs and of the device; behind a ramp for the exoskeleton."""
         joints, behind = PER_JOINT * self.per_leg, self.legs * self.block
-        own = values[:behind].reshape(self.legs, self.block)
-        angles = own[:, 0:joints:PER_JOINT].ravel()
+        leg_rows = values[:behind].reshape(self.legs, self.block)
+        angles = leg_rows[:, 0:joints:PER_JOINT].ravel()
         if self.boards:
             lowest, highest = (
                 np.array([getattr(board.bounds, name) for board in self.boards])
@@ -127,14 +127,14 @@ class Guards:
             count = max(1, math.ceil(np.max(np.abs(self.angles - start) / most)))
             path = start + (self.angles - start) * np.minimum(np.arange(count + ticks) / count, 1.0)[:, None]
             rows = standing_rows(len(path) - 1, self.state, self.dtype)
-            for place, board in enumerate(self.boards):
-                rows["boards"][:, place] = board.rows_along(path[:, place])[1:]
+            for index, board in enumerate(self.boards):
+                rows["boards"][:, index] = board.rows_along(path[:, index])[1:]
         else:
             rows = standing_rows(ticks, self.state, self.dtype)
             measured = rows["measurements"]
             measured["angle"] = measured["last_angle"] = angles
-            measured["velocity"] = own[:, 1:joints:PER_JOINT].ravel()
-        rows["direct"]["loads"] *= np.abs(own[:, joints]) / 0.4
+            measured["velocity"] = leg_rows[:, 1:joints:PER_JOINT].ravel()
+        rows["direct"]["loads"] *= np.abs(leg_rows[:, joints]) / 0.4
         for name, value in zip(("trunk_pitch", "walk", "step"), values[behind:], strict=True):
             if name in field_names(device_inputs(rows)):
                 device_inputs(rows)[name] = value
@@ -151,15 +151,16 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
         BoardInputs(board.bounds, board.period, board.dtype, angle)
         for board, angle in zip(boards, closing_angles(state, 0.0), strict=True)
     ]
-    for number, own in enumerate(boards):
-        if own.bounds in seen:  # Equal bounds are printed as one table.
+    for number, moved in enumerate(boards):
+        if moved.bounds in seen:  # Equal bounds are printed as one table.
             continue
-        seen.append(own.bounds)
-        for used, episodes in ((boards, own.monitor_bound_rows()), (resting, resting[number].heating_rows())):
+        seen.append(moved.bounds)
+        heating = resting[number].heating_rows()
+        for used, episodes in ((boards, moved.monitor_bound_rows()), (resting, heating)):
             for one in episodes:
                 rows = standing_rows(len(one), state, dtype)
-                for place, other in enumerate(used):
-                    rows["boards"][:, place] = one if place == number else other.rows_at_rest(len(one) - 2)
+                for index, other in enumerate(used):
+                    rows["boards"][:, index] = one if index == number else other.rows_at_rest(len(one) - 2)
                 if used is resting:
                     rows["direct"]["loads"] = math.nan
                     for name in field_names(device_inputs(rows)):
@@ -169,8 +170,8 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
     for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
         turning = boards[0].rows_at_speed(side * state.legs[0].frozen_speed, boards[0].middle)
         rows = standing_rows(len(turning), state, dtype)
-        for place, other in enumerate(boards):
-            rows["boards"][:, place] = turning if place == 0 else other.rows_at_rest(len(rows) - 2)
+        for index, other in enumerate(boards):
+            rows["boards"][:, index] = turning if index == 0 else other.rows_at_rest(len(rows) - 2)
         rows["direct"]["loads"] = 0.4
         rows["direct"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
         with unit:

@@ -90,13 +90,13 @@ class Shapes:
                 known[name] = joined(known.get(name, found), found)
                 if known[name] is None:
                     where = f"{kind.__name__}.{name}"
-                    raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
+                    raise FirmwareError(f"{where}: has different types in two samples")
 
     def _kind(self, value: Any, entry: type) -> Kind:
         if isinstance(value, (list, tuple)):
             items = [self._kind(item, entry) for item in value]
             if any(item != items[0] for item in items):
-                raise FirmwareError(f"a list of {entry.__name__} has entries that are not alike")
+                raise FirmwareError(f"a list of {entry.__name__} has entries of different shapes")
             return ListKind(items[0], len(items))
         if entry in SCALARS:
             return SCALARS[entry]

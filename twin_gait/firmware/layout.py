@@ -54,17 +54,17 @@ def wrapped(line: str, indent: int) -> list[str]:
     result, pad = [], " " * indent
     while len(pad) + len(line) > WIDTH:
         limit = WIDTH - len(pad)
-        places = [
+        breaks = [
             (_depth(line[: found.start()]), rank, -found.start())
             for rank, pattern in enumerate(_BREAKS)
             for found in pattern.finditer(line)
             if limit // 3 < found.start() <= limit
         ]
-        if not places:
+        if not breaks:
             break
-        place = -min(places)[-1]
-        result.append(pad + line[:place].rstrip())
-        line, pad = line[place:].lstrip(), " " * (indent + 2 * INDENT)
+        end = -min(breaks)[-1]
+        result.append(pad + line[:end].rstrip())
+        line, pad = line[end:].lstrip(), " " * (indent + 2 * INDENT)
     return [*result, pad + line]
 
 
@@ -84,6 +84,6 @@ def attributes_of(kind: type) -> dict[str, str]:
     found: dict[str, str] = {}
     listed = re.findall(r"(\w+): (.*)", docstring_of(kind).partition("Attributes:\n")[2])
     for above, name, behind in _ATTRIBUTE.findall(inspect.getsource(kind)):
-        said = " ".join(line.strip(" #") for line in above.splitlines()) or behind
-        found |= {name: said} if said else {}
+        text = " ".join(line.strip(" #") for line in above.splitlines()) or behind
+        found |= {name: text} if text else {}
     return dict(listed) | found

@@ -52,7 +52,8 @@ def print_units(
     Args:
         units: Contents of one C file each.
         names: Constants and functions by the names of the globals that they replace, as in
-            :func:`twin_gait.simulation.binding.bind`. A branch that a constant rules out is not printed.
+            :func:`~twin_gait.simulation.binding.specialize`. A branch that a constant excludes is not
+            printed.
         text: Source of more functions, which replace globals, too; the functions that they call are looked up
             in ``names``.
         shapes: Samples of records that are passed in from outside: they have no tables, and are complete.
@@ -81,7 +82,7 @@ def print_units(
     modules = ", ".join(sorted({item.source.module for item in functions.order}))
     first = comment(
         f"Printed by twin_gait {twin_gait.__version__} from {modules}; source {source_hash[:16]}. "
-        "Edit those, not this. Not a medical device."
+        "Edit these modules, not this file. Not a medical device."
     )
     texts = {name: "\n".join([*first, "", *lines, ""]) for name, lines in body.items()}
     real = (files("twin_gait.firmware") / "include" / "real.h").read_text()
@@ -126,7 +127,7 @@ def _sample(name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str
     tables.add(f"static const {kind} {name}_at_start", contents)
     head = f"void {name}_init({kind} *record)"
     source = [f"{head} {{", f"    *record = {name}_at_start;", "}", ""]
-    return [*comment("As it is at tick 0."), f"{head};"], source
+    return [*comment("State at tick 0."), f"{head};"], source
 
 
 def _constants(functions: Sequence[Function]) -> list[str]:
@@ -137,7 +138,7 @@ def _constants(functions: Sequence[Function]) -> list[str]:
             text = f"REAL_OR({value!r}, {SINGLE[name]!r})"
         text = f"({text})" if text[0] == "-" else text
         if found.setdefault(identifier(name), text) != text:
-            raise FirmwareError(f"{name}: two constants of this name have two values")
+            raise FirmwareError(f"{name}: two constants of this name have different values")
     return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
 
 

@@ -140,19 +140,20 @@ def require_printable(experiment: Experiment) -> None:
     control, network = experiment.control, experiment.network
     if experiment.controller is not None:
         raise FirmwareError(
-            f"controller: {experiment.controller.name} of your own is not printed; set controller=null for "
-            "that of control.mode"
+            f"controller: {experiment.controller.name} is a controller of your own, which the firmware does "
+            "not have; set controller=null to use control.mode"
         )
     unprinted = control.controller().unprinted_reason
     if unprinted:
         raise FirmwareError(unprinted)
     if control.delay_ticks > 0:
         raise FirmwareError(
-            f"control.delay_ms: {control.delay_ticks} is of the simulated drive, and the firmware "
+            f"control.delay_ms: {control.delay_ticks} is the delay of the simulated drive, but the firmware "
             "answers within the tick; set 0"
         )
     if network is not None and network.impedance is ImpedanceLocation.CCU:
-        raise FirmwareError("network.impedance: ccu is not printed: springs are on the boards; set board")
+        problem = "ccu is not available in the firmware, which has the springs on the boards; set board"
+        raise FirmwareError(f"network.impedance: {problem}")
 
 
 def _units(setup: SimulationSetup, linked: ExoskeletonUnit) -> Iterator[TranslationUnit]:
@@ -175,14 +176,14 @@ def networked_limits(setup: SimulationSetup) -> Limits:
 
 def _shapes(linked: ExoskeletonUnit) -> list[Any]:
     joints, legs = len(linked.record.boards), len(linked.record.controller.legs)
-    measurements, demands = [Measurement() for _ in range(joints)], [JointSetpoint() for _ in range(joints)]
+    measurements, setpoints = [Measurement() for _ in range(joints)], [JointSetpoint() for _ in range(joints)]
     return [
         linked.inputs,
         linked.outputs,
         units.JointBoardInputs(),
         units.JointBoardOutputs(),
         units.GaitControllerInputs(linked.inputs.direct, measurements, [False] * joints),
-        units.GaitControllerOutputs(units.Decision([0] * legs, [0] * legs), demands),
+        units.GaitControllerOutputs(units.Decision([0] * legs, [0] * legs), setpoints),
     ]
 
 

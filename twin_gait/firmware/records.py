@@ -82,27 +82,27 @@ class Records:
         return [line for lines in found.values() for line in lines]
 
     def _structure(self, record: type, names: Iterable[str]) -> list[str]:
-        says, first = attributes_of(record), summary_of(record)
-        lines = [*comment(first), "typedef struct {"]
+        descriptions, summary = attributes_of(record), summary_of(record)
+        lines = [*comment(summary), "typedef struct {"]
         for name in names:
-            lines += [*comment(says.get(name, ""), INDENT), f"    {self.member(record, name)};"]
+            lines += [*comment(descriptions.get(name, ""), INDENT), f"    {self.member(record, name)};"]
         return [*lines, f"}} {record.__name__};", ""]
 
     def member(self, record: type, name: str) -> str:
         """Return the declaration of a field."""
-        kind, place = self.fields[record][name], identifier(name)
+        kind, c_name = self.fields[record][name], identifier(name)
         if isinstance(kind, kinds.Scalar):
-            return f"{kind} {place}"
+            return f"{kind} {c_name}"
         if isinstance(kind, kinds.ListKind) and isinstance(kind.item, kinds.ListKind):
-            raise FirmwareError(f"{record.__name__}.{name}: lists of lists are not printed")
+            raise FirmwareError(f"{record.__name__}.{name}: lists of lists cannot be printed")
         text = kinds.type_name(kind)
         if self.is_table(record, name):
-            return f"const {text} *{place}"
+            return f"const {text} *{c_name}"
         if not isinstance(kind, kinds.ListKind):
-            return f"{text} {place}"
+            return f"{text} {c_name}"
         if kind.length is None:
-            raise FirmwareError(f"{record.__name__}.{name}: of different lengths in two samples")
-        return f"{text} {place}[{kind.length}]"
+            raise FirmwareError(f"{record.__name__}.{name}: has different lengths in two samples")
+        return f"{text} {c_name}[{kind.length}]"
 
 
 class Tables:

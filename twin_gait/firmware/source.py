@@ -75,9 +75,9 @@ class Sources:
                 (tree,) = (item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef))
                 source = Source(name, function.__module__, text, first, tree, function.__globals__, hints)
             names = (node for node in ast.walk(tree) if isinstance(node, ast.Name))
-            own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
-            own |= {item.arg for item in tree.args.args}
-            _Folding(self, source, own).generic_visit(tree)
+            assigned = {node.id for node in names if isinstance(node.ctx, ast.Store)}
+            assigned |= {item.arg for item in tree.args.args}
+            _Folding(self, source, assigned).generic_visit(tree)
             self._read[key] = source
         return self._read[key]
 
@@ -85,8 +85,8 @@ class Sources:
 class _Folding(ast.NodeTransformer):
     """Transformer that evaluates constant conditions, and assigns pairs one after the other."""
 
-    def __init__(self, sources: Sources, source: Source, own: set[str]) -> None:
-        self.sources, self.source, self.own = sources, source, own
+    def __init__(self, sources: Sources, source: Source, assigned: set[str]) -> None:
+        self.sources, self.source, self.own = sources, source, assigned
 
     def value(self, node: ast.expr) -> Any:
         """Return the value of an expression of constants only; None for any other expression."""
@@ -134,10 +134,10 @@ class _Folding(ast.NodeTransformer):
         if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
             return node
         if len(target.elts) != len(value.elts):
-            raise self.source.print_error(node, "as many names as values are expected")
-        for place, item in enumerate(target.elts):
-            if any(_touches(item, later) for later in value.elts[place + 1 :]):
-                raise self.source.print_error(node, "values that are exchanged; assign them one by one")
+            raise self.source.print_error(node, "the number of names differs from the number of values")
+        for index, item in enumerate(target.elts):
+            if any(_touches(item, later) for later in value.elts[index + 1 :]):
+                raise self.source.print_error(node, "values are exchanged; assign them one by one")
         pairs = zip(target.elts, value.elts, strict=True)
         return [_at(node, ast.Assign([left], right)) for left, right in pairs]
 

@@ -1,4 +1,4 @@
-"""Functions in C, statement by statement; every name is declared in the narrowest block that needs it."""
+"""Printing of functions as C, statement by statement, with each name declared in the narrowest block."""
 
 import ast
 from collections import Counter
@@ -12,12 +12,12 @@ from twin_gait.firmware.values import Value
 
 
 class Statements(Expressions):
-    """Analyses and prints one function."""
+    """Analysis and printing of one function."""
 
     def __init__(
         self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS
     ) -> None:
-        """Start before the first line of the function; arguments as of :class:`Expressions`."""
+        """Prepare the analysis of a function; the arguments are those of :class:`Expressions`."""
         super().__init__(functions, function, taken)
         names = [item for item in ast.walk(self.source.tree) if isinstance(item, ast.Name)]
         self.stores = Counter(item.id for item in names if isinstance(item.ctx, ast.Store))
@@ -27,15 +27,15 @@ class Statements(Expressions):
         self.depth = 0
 
     def signature(self) -> str:
-        """Return the head of the function without its end."""
+        """Return the declaration of the function in C, without its last character."""
         params = [self._declaration(name) for name in self.function.params]
         return f"{self.function.result} {self.function.name}({', '.join(params) or 'void'})"
 
     def definition(self, *, exported: bool) -> list[str]:
-        """Return the function with the first line of its docstring."""
-        says = (ast.get_docstring(self.source.tree) or "").split("\n")[0]
+        """Return the lines of the function in C, below a comment with the first line of its docstring."""
+        summary = (ast.get_docstring(self.source.tree) or "").split("\n")[0]
         head = self.signature() if exported else f"static {self.signature()}"
-        self.lines = [*comment(says), *wrapped(f"{head} {{", 0)]
+        self.lines = [*comment(summary), *wrapped(f"{head} {{", 0)]
         self.depth = 1
         for name in self.function.params:
             if name not in self.read:
@@ -51,12 +51,12 @@ class Statements(Expressions):
         """Print statements, and declare the names that no narrower block contains."""
         first = {}
         for name in sorted(set(self.function.locals) - self.declared):
-            places = [number for number, item in enumerate(statements) if name in names_in(item)]
-            if places and (len(places) > 1 or name not in _in_one_block(statements[places[0]])):
-                first[name] = places[0]
+            indices = [number for number, item in enumerate(statements) if name in names_in(item)]
+            if indices and (len(indices) > 1 or name not in _in_one_block(statements[indices[0]])):
+                first[name] = indices[0]
         self.declared |= first.keys()
         for number, item in enumerate(statements):
-            fresh = {name for name, place in first.items() if place == number}
+            fresh = {name for name, index in first.items() if index == number}
             for name in sorted(fresh - _assigned_by(item)):
                 self._emit(f"{self._declaration(name)};")
             self._statement(item, fresh)
@@ -74,12 +74,12 @@ class Statements(Expressions):
         written = name in self.function.written
         return f"{'' if written else 'const '}{type_name(kind)} *{self.local(name)}"
 
-    def _free(self, wanted: str) -> str:
-        """Return a name that the function does not have yet."""
+    def _free(self, preferred: str) -> str:
+        """Return a name that the function does not use yet, with a number if ``wanted`` is in use."""
         used = {self.local(name) for name in (*self.function.locals, *self.function.params)}
         used |= {word for line in self.lines for word in line.replace("(", " ").replace(";", " ").split()}
         number = 1
-        while (name := wanted if number == 1 else f"{wanted}_{number}") in used:
+        while (name := preferred if number == 1 else f"{preferred}_{number}") in used:
             number += 1
         return identifier(name, self.taken)
 
@@ -104,13 +104,13 @@ class Statements(Expressions):
                 self._emit(f"{self.statement_value(call).text};")
             case ast.Continue():
                 self._emit("continue;")
-            case ast.Expr(value=ast.Constant(value=str(said))):
+            case ast.Expr(value=ast.Constant(value=str(text))):
                 if node is not self.source.tree.body[0]:  # The docstring is printed above the function.
-                    self.lines += comment(said, self.depth * INDENT)
+                    self.lines += comment(text, self.depth * INDENT)
             case ast.Pass():
                 pass
             case _:
-                raise self.source.print_error(node, "a statement that is not printed")
+                raise self.source.print_error(node, "this kind of statement cannot be printed")
 
     def _assign_several(
         self, node: ast.stmt, targets: Sequence[ast.expr], call: ast.expr, fresh: set[str]
@@ -118,7 +118,7 @@ class Statements(Expressions):
         """Assign the numbers that a function returns to as many names or fields."""
         found = self.statement_value(call)
         if not isinstance(found.kind, tuple) or len(found.kind) != len(targets):
-            raise self.source.print_error(node, "as many names as values are expected")
+            raise self.source.print_error(node, "the number of names differs from the number of values")
         assert isinstance(call, ast.Call)
         result = self._free("result")
         self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
@@ -131,22 +131,22 @@ class Statements(Expressions):
         if isinstance(target, ast.Name):
             kind = self._declare(target, node, value)
             name = target.id
-            place = self._declaration(name, once=True) if name in fresh else self.local(name)
+            left = self._declaration(name, once=True) if name in fresh else self.local(name)
         else:
             to = self.value(target)
-            kind, place = to.kind, to.text
+            kind, left = to.kind, to.text
             if not isinstance(kind, Scalar):
-                raise self.source.print_error(target, "records and lists are changed entry by entry")
+                raise self.source.print_error(target, "a record or list can only be changed entry by entry")
             self.mark_written(Value(None, "", name=to.name, fields=to.fields[:-1]))
-        self._emit(f"{place} = {self.fit(node, value, kind).text};")
+        self._emit(f"{left} = {self.fit(node, value, kind).text};")
 
     def _declare(self, target: ast.Name, node: ast.expr, value: Value) -> Kind:
         """Record that a name has a value after this statement; return its kind in the whole function."""
         function, name = self.function, target.id
         if value.kind is None or isinstance(value.kind, tuple):
-            raise self.source.print_error(node, "is no single value")
+            raise self.source.print_error(node, "is not a single value")
         if name in function.params and not isinstance(value.kind, Scalar):
-            raise self.source.print_error(target, "an argument that is assigned anew")
+            raise self.source.print_error(target, "an argument that is a record or list cannot be reassigned")
         kind = function.params.get(name) or function.locals.setdefault(name, value.kind)
         self.fit(node, value, kind)
         if not isinstance(kind, Scalar):
@@ -193,10 +193,10 @@ class Statements(Expressions):
                 counter = self._free("number")
                 end, entry = self._entry(item, items, counter)
             case _:
-                raise self.source.print_error(node.iter, "loops are printed over range, enumerate and lists")
+                raise self.source.print_error(node.iter, "a loop must be over range, enumerate or a list")
         counted = names_in(node.target)
         if not counted.isdisjoint(_stored_in(node.body)):
-            raise self.source.print_error(node.target, "is counted by the loop")
+            raise self.source.print_error(node.target, "the loop variable must not be assigned in the loop")
         self._emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
         added = counted - self.declared
         self.declared |= added
@@ -219,13 +219,13 @@ class Statements(Expressions):
         return str(length), text
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
-        """Return the end of a loop, which Python computes before the loop and C anew in every iteration."""
+        """Return the end of a loop, which Python computes before the loop and C in every iteration."""
         text, stored = self.expect(node, INT).text, _stored_in(body)
         inside = {item for statement in body for item in ast.walk(statement)}
         writes = any(call in inside and called.writes for call, called in self.function.calls.items())
         for item in () if text.isdigit() else ast.walk(node):
             if ast.unparse(item) in stored or (writes and isinstance(item, ast.Attribute)):
-                raise self.source.print_error(node, "may be changed in the loop; name it before")
+                raise self.source.print_error(node, "may change in the loop; assign it to a name before")
         return text
 
     def _return(self, node: ast.Return) -> None:
@@ -245,10 +245,10 @@ class Statements(Expressions):
             value = self.statement_value(node.value)
             if isinstance(value.kind, tuple):
                 raise self.source.print_error(
-                    node.value, "several numbers of another function; name them first"
+                    node.value, "several numbers of another function; assign them to names first"
                 )
             if not isinstance(value.kind, Scalar):
-                raise self.source.print_error(node, "records and lists are not returned")
+                raise self.source.print_error(node, "a record or list cannot be returned")
             function.returns = function.returns or value.kind
             self._emit(f"return {self.fit(node.value, value, function.returns).text};")
 
@@ -256,7 +256,7 @@ class Statements(Expressions):
 def result_names(function: Function) -> list[str]:
     """Return the names of the numbers that a function returns, taken from its return statements.
 
-    A number without a name, or with the name of another one, is named by its position: ``value_1``.
+    A number without a name, or with the name of another number, is named by its position: ``value_1``.
     """
     assert isinstance(function.returns, tuple)
     found = [f"value_{position}" for position in range(1, len(function.returns) + 1)]
@@ -284,7 +284,7 @@ def result_struct(function: Function) -> list[str]:
 
 
 def names_in(node: ast.AST) -> set[str]:
-    """Return the names in a statement; the counter of a loop belongs to this loop only."""
+    """Return the names in a statement without loop variables, which exist in their loops only."""
     if isinstance(node, ast.Name):
         return {node.id}
     found: set[str] = set().union(*(names_in(item) for item in ast.iter_child_nodes(node)))
@@ -292,7 +292,7 @@ def names_in(node: ast.AST) -> set[str]:
 
 
 def _stored_in(statements: Sequence[ast.stmt]) -> set[str]:
-    """Return the names, fields and entries that some statements assign."""
+    """Return the text of all names, fields and entries that some statements assign."""
     inside = (item for statement in statements for item in ast.walk(statement))
     return {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
 

@@ -48,12 +48,12 @@ def walks_of(project: Project, sample: UnitSample, walks: Sequence[RunVectors]) 
             _copy(rows, direct=read["direct"], measurements=walk.measurements)
             _copy(answers, decision=answered["decision"], setpoints=answered["setpoints"])
         else:
-            place = project.joints.index(sample.init.removeprefix(f"{JOINT_BOARD}_"))
-            own, measured, rows["received"] = read["boards"][:, place], walk.measurements[:, place], True
+            index = project.joints.index(sample.init.removeprefix(f"{JOINT_BOARD}_"))
+            board, measured, rows["received"] = read["boards"][:, index], walk.measurements[:, index], True
             for name in ("angle", "voltage", "current", "current_deviation"):
-                rows[name] = own[name]
-            _copy(rows, setpoint=answered["setpoints"][:, place])
-            _copy(answers, command=answered["commands"][:, place], measurement=measured)
+                rows[name] = board[name]
+            _copy(rows, setpoint=answered["setpoints"][:, index])
+            _copy(answers, command=answered["commands"][:, index], measurement=measured)
             tripped = np.flatnonzero(measured["cause"] != NO_TRIP)
             end = tripped[0] if len(tripped) else len(rows)
             rows, answers = rows[:end], answers[:end]
@@ -116,8 +116,8 @@ def _answer(unit: PythonUnit, rows: np.ndarray) -> np.ndarray:
 def members(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield the members of a record in C, in the order of its numbers, with the conversion from double."""
     for name in dtype.names or ():
-        kind, place = dtype[name], f"{prefix}{identifier(name)}"
-        entries = [f"{place}[{k}]" for k in range(kind.shape[0])] if kind.shape else [place]
+        kind, member = dtype[name], f"{prefix}{identifier(name)}"
+        entries = [f"{member}[{k}]" for k in range(kind.shape[0])] if kind.shape else [member]
         for entry in entries:
             if kind.base.names is None:
                 yield entry, _CONVERSIONS[kind.base.kind]

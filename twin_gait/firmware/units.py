@@ -56,9 +56,9 @@ class JointBoardInputs:
     voltage: float = 0.0  # Voltage of the winding in the tick before, in [V].
     current: float = 0.0  # Current measured in the tick before, in [A].
     current_deviation: float = 0.0  # Deviation of this current from its expected value, in [A].
-    # Last demand received from the gait controller; in the unit of all boards it is not used.
+    # Last setpoint received from the gait controller; in the unit of all boards it is not used.
     setpoint: JointSetpoint = field(default_factory=JointSetpoint)
-    received: bool = False  # Whether the demand was received since the tick before.
+    received: bool = False  # Whether the setpoint was received since the tick before.
 
 
 @dataclass(slots=True)
@@ -71,7 +71,7 @@ class JointBoardOutputs:
 
 @dataclass(slots=True)
 class JointBoard:
-    """The unit of a board."""
+    """Unit of a board, with its state."""
 
     settings: UnitSettings  # Settings of all units.
     state: BoardState  # State of the board.
@@ -79,7 +79,7 @@ class JointBoard:
 
 
 def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointBoardOutputs) -> None:
-    """Measure, and set the current for the last demand of the gait controller."""
+    """Measure, and set the current for the last setpoint of the gait controller."""
     board, settings = unit.state, unit.settings
     measure(board, settings, inputs, unit.tick)
     receive(board, settings.limits, inputs.setpoint, inputs.received)
@@ -135,12 +135,12 @@ class GaitControllerOutputs:
     """Outputs of the gait controller in a tick."""
 
     decision: Decision  # Decision with phases and trip.
-    setpoints: list[JointSetpoint]  # Demand for each board.
+    setpoints: list[JointSetpoint]  # Setpoint for each board.
 
 
 @dataclass(slots=True)
 class GaitController:
-    """The unit of the gait controller."""
+    """Unit of the gait controller, with its state."""
 
     settings: UnitSettings  # Settings of all units.
     state: ControllerState  # State of the gait controller.
@@ -174,7 +174,7 @@ def publish(controller: ControllerState, decision: Decision) -> None:
 def gait_controller_step(
     unit: GaitController, inputs: GaitControllerInputs, outputs: GaitControllerOutputs
 ) -> None:
-    """Receive the measurements of the boards, decide, and compute the demand for every board."""
+    """Receive the measurements of the boards, decide, and compute the setpoint for every board."""
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
         measured = controller.joints[number].measurement
@@ -214,7 +214,7 @@ class ExoskeletonInputs:
 class ExoskeletonOutputs:
     """Outputs of the unit in a tick."""
 
-    setpoints: list[JointSetpoint]  # Demand for the board of each joint.
+    setpoints: list[JointSetpoint]  # Setpoint for the board of each joint.
     commands: list[Command]  # Command of each board, with the current setpoint of its drive.
     decision: Decision  # Decision with phases and trip.
 

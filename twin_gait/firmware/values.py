@@ -29,12 +29,12 @@ class Value:
         """Return the text as an operand, in brackets if they are needed."""
         return self.text if self.binds >= binds else f"({self.text})"
 
-    def in_kind(self, wanted: Kind) -> Self:
+    def in_kind(self, target: Kind) -> Self:
         """Convert a number to a kind that can represent it; for a record or a list, return its address."""
         if not isinstance(self.kind, Scalar):
             direct = self.is_address or isinstance(self.kind, ListKind)
             return replace(self, text=self.text if direct else f"&{self.text}", binds=UNARY)
-        if wanted is not REAL or self.kind is REAL:
+        if target is not REAL or self.kind is REAL:
             return self
         return replace(self, kind=REAL, text=f"(real){self.inside(UNARY)}", binds=UNARY)
 

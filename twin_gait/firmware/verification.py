@@ -1,4 +1,4 @@
-"""Verification that the printed C equals the simulation: on this machine, and on a Cortex-M4F."""
+"""Verification of the printed C: comparison with the simulation on this machine and on a Cortex-M4F."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -36,18 +36,19 @@ from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
 from twin_gait.worlds.faults import Fault, FaultKind
 
-MOST_SHIFT = 1  # ticks between a switch in float and in double numbers
-MOST_CURRENT_ERROR = 1e-4  # [A], root mean square; the thesis compares at 0.0035 A
+MOST_SHIFT = 1  # largest number of ticks between a switch in float and in double numbers
+MOST_CURRENT_ERROR = 1e-4  # [A], largest root mean square error; the thesis reports 0.0035 A
 FAULT_TIME, FAULT_RUN = 2.5, 4.0  # [s]; time of the fault, and duration of the run with it
 
-# Ticks, leg by leg, with the event: leg, phases before and after; for a trip its cause.
+# Tick and event, leg by leg. The event of a switch is the leg and the phases before and after, that of a trip
+# is its cause.
 Events: TypeAlias = Sequence[tuple[int, tuple[Any, ...]]]
 
 
 def count_differences(first: np.ndarray, second: np.ndarray) -> int:
-    """Count the numbers of two arrays of records of one layout that differ in their bits.
+    """Count the numbers that differ in their bits between two arrays of records of one layout.
 
-    All NaN are equal.
+    All NaN count as equal.
     """
     ours, theirs = (structured_to_unstructured(rows, float) for rows in (first, second))
     same = (ours.view(np.uint64) == theirs.view(np.uint64)) | (np.isnan(ours) & np.isnan(theirs))
@@ -55,7 +56,7 @@ def count_differences(first: np.ndarray, second: np.ndarray) -> int:
 
 
 def events_of(outputs: np.ndarray) -> Events:
-    """Return the switches of the legs that a unit decided, leg by leg in the order of time, and its trip."""
+    """Return the phase switches in the outputs of a unit, leg by leg in the order of time, and its trip."""
     decision, found = outputs["decision"], list[tuple[int, tuple[Any, ...]]]()
     for leg, phases in enumerate(decision["phases"].T.tolist()):
         found += [(tick, (leg, *pair)) for tick, pair in enumerate(pairwise(phases), 1) if pair[0] != pair[1]]
@@ -65,7 +66,10 @@ def events_of(outputs: np.ndarray) -> Events:
 
 
 def largest_shift(first: Events, second: Events) -> float:
-    """Compute the largest number of ticks between corresponding events; infinite if the events differ."""
+    """Compute the largest number of ticks between corresponding events.
+
+    The result is infinite if the events differ in more than their ticks.
+    """
     if [event for _, event in first] != [event for _, event in second]:
         return math.inf
     return max((abs(ours - theirs) for (ours, _), (theirs, _) in zip(first, second, strict=True)), default=0)
@@ -73,10 +77,10 @@ def largest_shift(first: Events, second: Events) -> float:
 
 @dataclass(frozen=True, eq=False)
 class VerificationBuild:
-    """The C of a project, and its outputs for vectors; everything is built on first use.
+    """C of a project, its builds, and their outputs for test vectors; each is computed on first use.
 
-    All methods that need a compiler or an emulator raise :class:`~twin_gait.exceptions.MissingToolError`
-    without it.
+    Methods that need a compiler or an emulator raise :class:`~twin_gait.exceptions.MissingToolError` if it is
+    missing.
     """
 
     project: Project
@@ -85,7 +89,7 @@ class VerificationBuild:
 
     @cached_property
     def all_vectors(self) -> Sequence[UnitVectors]:
-        """Inputs and expected outputs of all units: their part in the runs, then the excitations."""
+        """Inputs and expected outputs of all units: of their part in the runs, then of the excitations."""
         walks = (walks_of(self.project, sample, self.vectors) for sample in self.project.samples)
         pairs = zip(walks, excitations_of(self.project), strict=True)
         return [
@@ -99,7 +103,7 @@ class VerificationBuild:
         return UnitSources(sample.name, self.unit.folder, sample.init, header)
 
     def host(self, *, double: bool, sample: UnitSample | None = None) -> HostUnit:
-        """Build a unit for this machine, by default the linked one."""
+        """Build a unit for this machine, by default the linked unit of boards and gait controller."""
         unit = self.unit if sample is None else self.unit_of(sample)
         path = self.unit.folder / f"{unit.init or unit.name}_{'double' if double else 'single'}"
         return HostUnit(build_host(unit, path, flags=["-DREAL_DOUBLE"] if double else []))
@@ -108,10 +112,10 @@ class VerificationBuild:
         self, unit: UnitProcess, vectors: UnitVectors, *, double: bool = False
     ) -> list[np.ndarray]:
         """Return the outputs of a build of a unit for its inputs."""
-        (given, taken), found = self.project.dtypes(double=double, sample=vectors.sample), []
+        (input_type, output_type), found = self.project.dtypes(double=double, sample=vectors.sample), []
         for rows in vectors.inputs:
             with unit:
-                found.append(unit.exchange(require_fields(rows, given)).view(taken)[:, 0])
+                found.append(unit.exchange(require_fields(rows, input_type)).view(output_type)[:, 0])
         return found
 
     @cached_property
@@ -123,7 +127,7 @@ class VerificationBuild:
 
     @cached_property
     def target(self) -> Emulator:
-        """The linked unit on a Cortex-M4F."""
+        """Build of the linked unit for a Cortex-M4F."""
         return Emulator(build_image(self.unit, self.unit.folder / "image.elf"))
 
     def target_of(self, sample: UnitSample) -> Emulator:
@@ -131,18 +135,18 @@ class VerificationBuild:
         return Emulator(build_image(self.unit_of(sample), self.unit.folder / f"{sample.init}.elf"))
 
     def outputs(self, unit: UnitProcess, *, double: bool = False) -> list[np.ndarray]:
-        """Return the outputs of a build for all vectors."""
-        (given, taken), found = self.project.dtypes(double=double), []
+        """Return the outputs of a build of the linked unit for all runs."""
+        (input_type, output_type), found = self.project.dtypes(double=double), []
         for item in self.vectors:
             with unit:
-                found.append(unit.exchange(require_fields(item.inputs, given)).view(taken)[:, 0])
+                found.append(unit.exchange(require_fields(item.inputs, input_type)).view(output_type)[:, 0])
         return found
 
     @cached_property
     def expected(self) -> list[np.ndarray]:
         """Outputs of the simulation, in the layout of the C with double numbers."""
-        _, taken = self.project.dtypes(double=True)
-        return [require_fields(item.outputs, taken) for item in self.vectors]
+        _, output_type = self.project.dtypes(double=True)
+        return [require_fields(item.outputs, output_type) for item in self.vectors]
 
     @cached_property
     def single(self) -> list[np.ndarray]:
@@ -153,18 +157,18 @@ class VerificationBuild:
 def verify(
     experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
 ) -> dict[str, Any]:
-    """Print an experiment's controller, build it, and compare it with the simulation.
+    """Print an experiment's controller as C, build it, and compare it with the simulation.
 
-    Its walk is run, and a shorter one with a fault of each kind. A runaway controller is excluded, because it
-    is a fault of the controller itself, which the C does not have. Nothing is compared if the experiment does
-    not walk without faults.
+    The test vectors are recorded in a run of the experiment, and in a shorter run with a fault of each kind.
+    A runaway controller is excluded, because it is a fault of the controller itself, which the C does not
+    have. Nothing is compared if the experiment does not walk without faults.
 
     ``experiment``: run without its bus. ``progress``: called at intervals with finished ticks and total
     number of ticks of each of the runs. ``on_compile``: called if an engine has to be compiled first. Returns
     the content of ``verification.json``: the hash of the source, whether all checks have passed, and for each
-    check its name, whether it has passed (None if a tool is missing) and its findings; if the experiment does
-    not walk, no check and the reason as ``baseline_problem``. Raises FirmwareError: the experiment uses a
-    feature that the firmware does not have, or a compiler rejects the C.
+    check its name, whether it has passed (None if a tool is missing) and its findings. If the experiment does
+    not walk, there are no checks, and ``baseline_problem`` is the reason. Raises FirmwareError if the
+    experiment uses a feature that the firmware does not have, or if a compiler rejects the C.
     """
     project = print_project(experiment)
     problem = simulate(replace(experiment, faults=()), on_compile=on_compile).baseline_problem
@@ -178,11 +182,11 @@ def verify(
     vectors = [exoskeleton_unit.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     checks = list[dict[str, Any]]()
     with TemporaryDirectory() as folder:
-        bench = VerificationBuild(project, vectors, project.write_sources(Path(folder)))
+        build = VerificationBuild(project, vectors, project.write_sources(Path(folder)))
         for name, check in CHECKS.items():
             passed: bool | None = None
             try:
-                passed, found = check(bench)
+                passed, found = check(build)
             except MissingToolError as error:
                 found = {"missing": str(error)}
             checks.append({"name": name, "passed": passed, "found": found})
@@ -191,7 +195,7 @@ def verify(
 
 
 def cases_of(experiment: Experiment) -> Iterator[Experiment]:
-    """Yield the experiment itself, and with a fault of each possible kind."""
+    """Yield the experiment itself, and a shorter copy of it with one fault of each possible kind."""
     yield experiment
     length = min(FAULT_RUN, experiment.duration)
     impossible = {FaultKind.CONTROLLER_RUNAWAY}
@@ -200,12 +204,12 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
     if not experiment.control.safety.enabled:
         impossible.add(FaultKind.ENCODER_MISSING)
     for kind in (kind for kind in FaultKind if kind not in impossible):
-        place = kind.location(next(iter(experiment.leg.legs)), experiment.joints[-1])
-        fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, location=place)
+        location = kind.location(next(iter(experiment.leg.legs)), experiment.joints[-1])
+        fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, location=location)
         yield replace(experiment, duration=length, faults=(fault,))
 
 
-Found: TypeAlias = tuple[bool, dict[str, Any]]  # whether it passes, and the numbers
+Found: TypeAlias = tuple[bool, dict[str, Any]]  # whether a check has passed, and its findings
 
 
 def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Found:
@@ -215,66 +219,70 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Fou
 
 
 def _same_units(
-    bench: VerificationBuild, first: Sequence[Sequence[np.ndarray]], second: Sequence[Sequence[np.ndarray]]
+    build: VerificationBuild, first: Sequence[Sequence[np.ndarray]], second: Sequence[Sequence[np.ndarray]]
 ) -> Found:
-    """Compare outputs of all units; return the number of differing values of each."""
+    """Compare outputs of all units, bit for bit, and count the differing numbers of each unit."""
     found = [_same_bits(ours, theirs)[1] for ours, theirs in zip(first, second, strict=True)]
-    names = [item.sample.init for item in bench.all_vectors]
+    names = [item.sample.init for item in build.all_vectors]
     wrong = {name: item["differing"] for name, item in zip(names, found, strict=True)}
     total = {key: sum(item[key] for item in found) for key in ("numbers", "differing")}
-    excitations = sum(len(item.inputs) for item in excitations_of(bench.project))
-    runs = {"runs": len(bench.vectors), "excitations": excitations}
+    excitations = sum(len(item.inputs) for item in excitations_of(build.project))
+    runs = {"runs": len(build.vectors), "excitations": excitations}
     return not any(wrong.values()), {**total, **runs, "differing_by_unit": wrong}
 
 
-def host_in_double(bench: VerificationBuild) -> Found:
+def host_in_double(build: VerificationBuild) -> Found:
     """Compare all units in double numbers with the simulation, bit for bit."""
     given = [
-        bench.unit_outputs(bench.host(double=True, sample=item.sample), item, double=True)
-        for item in bench.all_vectors
+        build.unit_outputs(build.host(double=True, sample=item.sample), item, double=True)
+        for item in build.all_vectors
     ]
-    return _same_units(bench, [item.expected for item in bench.all_vectors], given)
+    return _same_units(build, [item.expected for item in build.all_vectors], given)
 
 
-def host_in_float(bench: VerificationBuild) -> Found:
-    """Check that the unit in float decides in the same ticks and commands the same currents."""
+def host_in_float(build: VerificationBuild) -> Found:
+    """Compare switches and currents of the linked unit in float with the simulation.
+
+    The check passes if switches differ by at most ``MOST_SHIFT`` and currents by at most
+    ``MOST_CURRENT_ERROR``.
+    """
     shift, errors = 0.0, list[np.ndarray]()
-    for ours, theirs in zip(bench.expected, bench.single, strict=True):
+    for ours, theirs in zip(build.expected, build.single, strict=True):
         shift = max(shift, largest_shift(events_of(ours), events_of(theirs)))
         apart = ours["commands"]["target_current"] - theirs["commands"]["target_current"]
         errors.append(np.sqrt(np.mean(apart**2, axis=0)))
-    currents = dict(zip(bench.project.joints, np.max(errors, axis=0).tolist(), strict=True))
+    currents = dict(zip(build.project.joints, np.max(errors, axis=0).tolist(), strict=True))
     passed = shift <= MOST_SHIFT and max(currents.values()) <= MOST_CURRENT_ERROR
     return passed, {"largest_shift_ticks": shift, "current_rmse_A": currents}
 
 
-def target_in_float(bench: VerificationBuild) -> Found:
+def target_in_float(build: VerificationBuild) -> Found:
     """Compare a Cortex-M4F with this machine, bit for bit, and count its instructions."""
-    bench.outputs(bench.target)
+    build.outputs(build.target)
     given = []
-    for item in bench.all_vectors:
+    for item in build.all_vectors:
         linked_unit = item.sample.name == EXOSKELETON
-        target = bench.target if linked_unit else bench.target_of(item.sample)
-        given.append(bench.unit_outputs(target, item))
-    passed, found = _same_units(bench, bench.all_float_outputs, given)
-    counts, weights = bench.target.instructions, {}
+        target = build.target if linked_unit else build.target_of(item.sample)
+        given.append(build.unit_outputs(target, item))
+    passed, found = _same_units(build, build.all_float_outputs, given)
+    counts, weights = build.target.instructions, {}
     for name in (JOINT_BOARD, GAIT_CONTROLLER):
-        flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.unit.folder))
-        weights[name] = {"flash": flash, "ram": variables + bench.project.record_bytes[name]}
+        flash, variables = sizes(build_object(replace(build.unit, name=name), build.unit.folder))
+        weights[name] = {"flash": flash, "ram": variables + build.project.record_bytes[name]}
     return passed, {
         **found,
         "instructions_mean": float(counts.mean()),
         "instructions_worst": int(counts.max()),
-        "stack_bytes": bench.target.stack_bytes,
+        "stack_bytes": build.target.stack_bytes,
         "bytes": weights,
     }
 
 
-def compare_in_the_loop(bench: VerificationBuild) -> Found:
+def compare_in_the_loop(build: VerificationBuild) -> Found:
     """Compare outcome and strides of a walk with the emulated processor as its controller."""
-    before = bench.vectors[0].run
-    with bench.target as target:
-        walk = run_with_unit(target, bench.project, before.experiment)
+    before = build.vectors[0].run
+    with build.target as target:
+        walk = run_with_unit(target, build.project, before.experiment)
     runs = before, walk
     switches = [[(item.tick, (item.side, item.source, item.target)) for item in run.switches] for run in runs]
     outcomes = [str(run.verdict.outcome or run.status) for run in runs]
@@ -293,17 +301,18 @@ def run_with_unit(
 ) -> Run:
     """Run an experiment with a unit as its controller.
 
-    The log contains the plant and the unit's commands; velocities are the estimates of the simulated boards
-    from the same encoders.
+    The log contains the state of the plant and the commands of the unit. Its velocities are estimates of the
+    simulated boards from the same encoders.
 
     ``unit``: unit at tick 0. ``project``: project from which it was built. ``experiment``: run without its
-    bus. ``double``: whether the unit was built with double numbers, which no Cortex-M4F build is. Raises
-    FirmwareError: the unit does not answer, or a fault is one of the controller itself.
+    bus. ``double``: whether the unit was built with double numbers; Cortex-M4F builds never are. Raises
+    FirmwareError if the unit does not respond, or if a fault is one of the controller itself.
     """
     engine = exoskeleton_unit.engine_without_bus(experiment)
     plant = load_or_compile_loop(engine, None, run_plant_part)
     recording, address = engine.episode["recording"], engine.store.ctypes.data
-    inputs, (given, taken) = np.zeros(1, dtype_of(project.exoskeleton.inputs)), project.dtypes(double=double)
+    inputs = np.zeros(1, dtype_of(project.exoskeleton.inputs))
+    input_type, output_type = project.dtypes(double=double)
     read = exoskeleton_unit.field_pairs(
         {**exoskeleton_unit.DRIVES, **exoskeleton_unit.SENSORS}, inputs, engine.store
     )
@@ -312,19 +321,20 @@ def run_with_unit(
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         plant(address, 0, tick)
         exoskeleton_unit.copy_row(read, 0)
-        _apply_outputs(engine, unit.exchange(require_fields(inputs, given)).view(taken)[0, 0], tick)
+        outputs = unit.exchange(require_fields(inputs, input_type)).view(output_type)[0, 0]
+        _apply_outputs(engine, outputs, tick)
         plant(address, 1, tick)
         return end
 
     return engine.run(run_tick=run_tick)
 
 
-def _apply_outputs(engine: CompiledEngine, answer: np.void, tick: int) -> None:
-    """Copy demands, commands, phases and trip of a unit's outputs in a tick to the record of an engine."""
-    e, decision = engine.episode, answer["decision"]
+def _apply_outputs(engine: CompiledEngine, outputs: np.void, tick: int) -> None:
+    """Copy the outputs of a unit in a tick to an engine: setpoints, commands, phases, mode and trip."""
+    e, decision = engine.episode, outputs["decision"]
     board, trip, recording = e["joints"]["board"], e["controller"]["trip"], e["recording"]
     for name in ("setpoint", "command"):
-        assign_fields_by_name(board[name], answer[f"{name}s"], zero_unassigned=False)
+        assign_fields_by_name(board[name], outputs[f"{name}s"], zero_unassigned=False)
     if "mode" in (decision.dtype.fields or ()):
         supervisor = e["controller"]["supervisor"]
         supervisor["mode"], supervisor["rejected"] = decision["mode"], decision["rejected"]

@@ -169,7 +169,7 @@ def transition_table(table: StateTable) -> str:
     ]
     heading = ("from", "to", "cause", "guard", "debounce [ms]", "minimum duration [ms]", "after [s]")
     title = f"# State transitions of {_text(table.name)}\n\n"
-    return f"{title}Of several exits that are due, the first listed is taken.\n\n{_grid(heading, rows)}"
+    return f"{title}If several exits are due, the first one in the list is taken.\n\n{_grid(heading, rows)}"
 
 
 def truth_table(table: StateTable) -> str:

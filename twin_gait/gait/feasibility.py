@@ -157,7 +157,7 @@ def enumerate_cases(
     def branches(agenda: list[Requirement], way: Case) -> Iterator[Case]:
         if next(left, None) is None:
             raise GaitTableError(
-                f"the guards leave more than {MAX_BRANCHES} choices to try; use fewer any inside all"
+                f"the guards have more than {MAX_BRANCHES} combinations of conditions; use fewer any in all"
             )
         if not agenda:
             yield way
@@ -193,7 +193,7 @@ Solution = tuple[Case, dict[str, float]]
 def enumerate_solutions(
     start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf
 ) -> Iterator[Solution]:
-    """Yield all ways to fulfil requirements, with signals far from their thresholds; see :func:`ways`."""
+    """Yield the cases of :func:`enumerate_cases` with signals as far from their thresholds as possible."""
     for way in enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])):
         yield way, next(found for share in SHARES if (found := solve(way.bounds, share)) is not None)
 
@@ -201,7 +201,7 @@ def enumerate_solutions(
 def find_most_robust(
     start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf
 ) -> Solution | None:
-    """Return the way to fulfil requirements that is furthest from all thresholds, or None; :func:`ways`."""
+    """Return the way to fulfil requirements that is furthest from all thresholds, or None."""
     feasible = next(
         enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])), None
     )

@@ -79,7 +79,7 @@ class AnyOf:
     def __post_init__(self) -> None:
         """Check that there is a guard."""
         if not self.guards:
-            raise GaitTableError("any: expected at least one guard, got none; it could never open")
+            raise GaitTableError("any: expected at least one guard, got none; it would never open")
 
     def __str__(self) -> str:
         """Write the disjunction."""
@@ -134,16 +134,16 @@ class GuardVocabulary(NamedTuple):
     def find_problem(self, atom: Atom, joints: tuple[str, ...], members: Sequence[str]) -> str:
         """Describe why a condition is invalid for some joints and members; empty if it is valid."""
         if isinstance(atom, PhaseMembership):
-            what, known, asked = self.member, members, atom.phases
+            subject, known, tested = self.member, members, atom.phases
         else:
-            what, known, asked = "signal", self.signals(joints), atom.names
-        for name in asked:
+            subject, known, tested = "signal", self.signals(joints), atom.names
+        for name in tested:
             if name not in known:
-                return f"no {what} {name!r}; there are {', '.join(known)}"
+                return f"there is no {subject} {name!r}; expected one of {', '.join(known)}"
         if isinstance(atom, PhaseMembership) or atom.minus is None:
             return ""
-        units = [find_signal(name).unit.name for name in asked]
-        mixed = f"{' and '.join(asked)} have different units: {' and '.join(units)}"
+        units = [find_signal(name).unit.name for name in tested]
+        mixed = f"{' and '.join(tested)} have different units: {' and '.join(units)}"
         return mixed if len(set(units)) > 1 else ""
 
 

@@ -73,7 +73,7 @@ class GaitStateMachine:
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)
         self._names = table.signals
-        self._own_indices = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
+        self._own_indices = [index for index, name in enumerate(self._names) if not name.startswith(OTHER)]
         self.phase: str = table.phase_names[0] if initial_phase is None else initial_phase
         self.phase_index = table.phase_index(self.phase)
 
@@ -139,7 +139,7 @@ class GaitStateMachine:
         self._debounce[:] = [0] * len(self._debounce)
 
     def _require_finite(self, signals: Sequence[float], other_phase: int) -> None:
-        for place in self._own_indices if other_phase < 0 else range(len(self._names)):
-            if not math.isfinite(value := signals[place]):
-                name = self._names[place].replace(OTHER, "other leg's ")
+        for index in self._own_indices if other_phase < 0 else range(len(self._names)):
+            if not math.isfinite(value := signals[index]):
+                name = self._names[index].replace(OTHER, "other leg's ")
                 raise MeasurementError(f"{self.owner}: the {name} is {value}; expected a finite measurement")

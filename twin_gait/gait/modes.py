@@ -48,21 +48,23 @@ class ModeTable(StateTable):
     kind: ClassVar[str] = "mode"
 
     def _check_phases(self) -> None:
-        raise_if(len(self.requests) > MAX_PHASES, f"requests: at most {MAX_PHASES} fit")
+        raise_if(len(self.requests) > MAX_PHASES, f"requests: expected at most {MAX_PHASES} requests")
         for name in self.requests:
             raise_if(not re.fullmatch(r"[A-Za-z_]\w*", name), f"requests: expected a word, got {name!r}")
-            raise_if(self.requests.count(name) > 1, f"requests: {name} is named twice")
+            raise_if(self.requests.count(name) > 1, f"requests: {name} is given twice; leave one out")
         self._check_known("hold", self.hold)
-        raise_if(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+        starts_held = f"hold: the device cannot start in {self.hold}; put another mode first under modes"
+        raise_if(self.hold == self.phase_names[0], starts_held)
         left = {item.source for item in self.transitions}
         for mode in self.phases:
             stuck = mode not in (*left, self.hold)
             raise_if(stuck, f"modes.{mode}: no transition leaves it; add one to transitions")
 
-    def _check_transition(self, place: str, item: Transition) -> None:
-        super()._check_transition(place, item)
-        raise_if(item.source == self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
-        late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
+    def _check_transition(self, location: str, item: Transition) -> None:
+        super()._check_transition(location, item)
+        out_of_hold = f"{location}: a trip is final, so no transition may leave {self.hold}; remove it"
+        raise_if(item.source == self.hold, out_of_hold)
+        late = f"{location}: a request lasts one tick and cannot have a debounce of {item.debounce_ticks} ms"
         raise_if(item.debounce_ticks > 1 and _transition_requests(item), f"{late}; leave debounce_ms out")
 
     @cached_property
@@ -120,10 +122,11 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
     ticks = [item.ticks for item in requests]
     for item in requests:
         if item.name not in known:
-            there = ", ".join(known) or "none; give modes, such as twin"
-            raise ParameterError(f"request {item}: there are {there}")
+            there = ", ".join(known) or "none without modes; give modes, such as twin"
+            raise ParameterError(f"request {item}: there is no such request; the requests are {there}")
         if ticks.count(item.ticks) > 1:
-            raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
+            problem = "there is another request in the same tick; choose another time"
+            raise ParameterError(f"request {item}: {problem}")
 
 
 def rejection_reason(
@@ -135,10 +138,11 @@ def rejection_reason(
     was entered.
     """
     leaving = [(item, _transition_requests(item)) for item in table.transitions if item.source == mode]
-    answers = [item for item, asked in leaving if request in asked]
+    answers = [item for item, requests in leaving if request in requests]
     if not answers:
-        known = [name for name in table.requests if any(name in asked for _, asked in leaving)]
-        return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
+        known = [name for name in table.requests if any(name in requests for _, requests in leaving)]
+        possible = ", ".join(known) or "none"
+        return f"{request} is not possible in the mode {mode}; possible requests: {possible}"
     measured = {**dict.fromkeys(table.signals, 0.0), **signals, TIME: ticks * TICK}
     values, member, program = table.to_si(measured), table.member_index(request), compile_guards(table)
     missing = []
@@ -146,7 +150,7 @@ def rejection_reason(
         rule, lacks = program.transitions[table.transitions.index(item)], []
         least = max(table.phases[mode].minimum_ticks, item.timeout_ticks or 0)
         if ticks < least:
-            lacks.append(f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s")
+            lacks.append(f"{mode} has lasted {ticks * TICK:g} s, less than {least * TICK:g} s")
         if not evaluate_guard(program, rule.first_node, rule.end_node, values, member):
             lacks.append(f"{item.guard} is not true")
             lacks += [f"{name} is {measured[name]:.4g}" for name in guards.compared_signals(item.guard)]

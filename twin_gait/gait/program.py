@@ -41,13 +41,13 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
 
 def _require_fit(table: StateTable, bits: int) -> None:
     raise_if(
-        len(table.members) > bits, f"{len(table.members)} {table.vocabulary.member}s; at most {bits} fit"
+        len(table.members) > bits, f"{len(table.members)} {table.vocabulary.member}s; expected at most {bits}"
     )
     for item in table.transitions:
         if len(item.atoms) <= bits:  # A guard has at most as many waiting results as conditions.
             continue
         name, waiting = f"{item.source} → {item.target} ({item.cause})", _waiting(item.guard)
-        too_many = f"{waiting} conditions wait to be joined; at most {bits} fit, so nest some of them"
+        too_many = f"{waiting} results must be stored at once; expected at most {bits}; nest some conditions"
         raise_if(waiting > bits, f"transition {name}: {too_many}")
 
 

@@ -31,7 +31,7 @@ def scale_table(
     for the stiffness of the stance phases, hip equilibria and hip thresholds.
 
     ``carried_mass``: mass of wearer and device times (1 - support) in [kg]; None switches its law off.
-    ``speed``: belt speed in [m] / [s]; None switches its law off. ``height``: height of the wearer in [m], as
+    ``speed``: belt speed in [m/s]; None switches its law off. ``height``: height of the wearer in [m], as
     set in the controller; None switches its law off. Returns the adapted table; values whose law is off are
     unchanged.
     """
@@ -88,7 +88,7 @@ def _is_hip_angle(signal: str | None) -> bool:
 def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:
     """Lay out the phases of one side as numbers, with damping ratios resolved.
 
-    ``inertia_at``: function that returns the effective inertia in [kg m²] of a joint of a side at the
+    ``inertia_at``: function that returns the effective inertia in [kg·m²] of a joint of a side at the
     equilibrium angles of all joints of a phase, armature included: M_jj with the pelvis fixed. Returns shape
     ``(n_phases, 4 n_joints + 1)``: k, b, θ0, G of each joint, then the gravity share.
     """

@@ -17,7 +17,7 @@ LEFT, RIGHT = "left.", "right."  # Prefix of a signal of a leg, for the supervis
 
 HIGHEST_LOAD = 2.0  # Load in body weights: walking loads a foot with 1.2 at most, running with 2 to 3.
 LONGEST_STAY = 3600.0  # Longest time in [s] in a phase without a timeout.
-# Velocity in [rad] / [s], an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
+# Velocity in [rad/s], an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
 HIGHEST_VELOCITY = 500.0 * DEGREE
 
 
@@ -99,15 +99,15 @@ def signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
 @lru_cache(maxsize=32)  # Each guard of a table is checked against them.
 def all_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the signals of this leg, the other, then the device: their positions index the guard program."""
-    own = signal_names(joints)
-    return (*own, *(OTHER + name for name in own), *DEVICE_NAMES)
+    names = signal_names(joints)
+    return (*names, *(OTHER + name for name in names), *DEVICE_NAMES)
 
 
 @lru_cache(maxsize=32)
 def mode_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the signals of the left leg, of the right one, then of the supervisor, as in its list."""
-    own = signal_names(joints)
-    legs = (side + name for side in (LEFT, RIGHT) for name in own)
+    names = signal_names(joints)
+    legs = (side + name for side in (LEFT, RIGHT) for name in names)
     return (*legs, *(signal.name for signal in MODE_SIGNALS))
 
 

@@ -1,8 +1,8 @@
-"""The gait table: per-phase impedances and the transitions between phases, as data.
+"""Gait table: impedances of each phase, and transitions between phases, as data.
 
-It is the only copy of every threshold: the state machine, the engines, replay, checks, diagrams and tests
-read it. Angles are in [rad] and times in ticks of 1 ms here; reading and writing YAML
-(:mod:`twin_gait.configuration`) converts them.
+It contains the only copy of every threshold: state machine, engines, replay, checks, diagrams and tests read
+it. Angles are in [rad] and times in ticks of 1 ms; :mod:`twin_gait.configuration` converts them to the units
+of a YAML file and back.
 """
 
 import re
@@ -24,18 +24,18 @@ MAX_TICKS = 3_600_000  # Longest time in a table in ticks: an hour, the longest 
 TICKS = quantities.Range(1, MAX_TICKS, words=f"1 to {MAX_TICKS} (an hour, the longest run)")
 DURATIONS = quantities.integer_range(0, MAX_TICKS, "an hour, the longest run")
 ALWAYS_TRUE = AllOf(guards=())  # Guard of a transition that depends on time alone.
-BLENDING_TICKS = quantities.integer_range(0, 10_000, "10 s; a phase of gait is over before")
+BLENDING_TICKS = quantities.integer_range(0, 10_000, "10 s, longer than any phase of gait")
 MAX_PHASES = 62  # A membership of the other leg's phase is a bit mask in a signed 64-bit integer.
 
 
 def raise_if(condition: object, text: str) -> None:
-    """Raise a GaitTableError with a text if a condition is wrong."""
+    """Raise a GaitTableError with a text if a condition is true."""
     if condition:
         raise GaitTableError(text)
 
 
 class BlendingLaw(CodedEnum):
-    """Law of the blending of parameters; ``code`` is its number in :mod:`twin_gait.core.blending`."""
+    """Law of the blending; ``code``: number of the law in :mod:`twin_gait.core.blending`."""
 
     NONE = "none"
     LINEAR = "linear"
@@ -47,7 +47,7 @@ class Blending(quantities.Parameters):
     """Blending of k, b, θ0, G and the gravity share when a phase is entered.
 
     Attributes:
-        law: Shape of the blending.
+        law: Share of the new parameters over time: a step, a line or the minimum-jerk polynomial.
         duration_ticks: Length of the blending in ticks.
     """
 
@@ -58,26 +58,28 @@ class Blending(quantities.Parameters):
 # A virtual spring acts through the gear, which is a spring itself (CSF-25 at low torque).
 STIFFNESSES = quantities.Range(0.0, 3.1e4, reason="the stiffness of the gear in series, 541 N·m/deg")
 MASSES = quantities.Range(1.0, 200.0, reason="the heaviest wearer with device and load")
-SPEEDS = quantities.Range(0.01, 10.0, reason="slower than a crawl is no walk")
+SPEEDS = quantities.Range(0.01, 10.0, reason="slower speeds are no walk")
 HEIGHTS = quantities.Range(0.5, 2.5, reason="the height of a person")
 EXPONENTS = quantities.Range(-3.0, 3.0)
 RATIOS = quantities.Range(
     0.0,
     10.0,
     exclusive_minimum=True,
-    reason="without damping a joint rings; if that is meant: damping_Nms_per_rad: 0",
+    reason="a joint without damping oscillates; if that is intended: damping_Nms_per_rad: 0",
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointImpedance(quantities.Parameters):
-    """Impedance of one joint in one phase; exactly one of damping and damping ratio is given.
+    """Impedance of one joint in one phase, with torque −[k (θ − θ0) + b ω].
+
+    Exactly one of damping and damping ratio is given.
 
     Attributes:
-        stiffness: Stiffness k in [N m] / [rad].
+        stiffness: Stiffness k in [N·m/rad].
         equilibrium_angle: Equilibrium angle θ0 in [rad].
         friction_compensation_gain: Gain G of the friction compensation, 0 to 1.
-        damping: Damping b in [N m s] / [rad], or None.
+        damping: Damping b in [N·m·s/rad], or None.
         damping_ratio: Damping ratio ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
     """
 
@@ -88,11 +90,11 @@ class JointImpedance(quantities.Parameters):
     damping_ratio: Annotated[quantities.Ratio | None, RATIOS] = None
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that there is one damping."""
+        """Check the ranges, and that exactly one of damping and damping ratio is given."""
         super().__post_init__()
         one = (self.damping is None) != (self.damping_ratio is None)
         given = f"damping {self.damping}, damping_ratio {self.damping_ratio}"
-        require(one, "damping", "either a damping or a damping_ratio", given)
+        require(one, "damping", "exactly one of damping and damping_ratio", given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +102,7 @@ class StateParameters(quantities.Parameters):
     """Common parameters of every phase of a state machine.
 
     Attributes:
-        minimum_ticks: Minimum duration in ticks, before which the phase is not left.
+        minimum_ticks: Minimum duration in ticks; no transition leaves the phase earlier.
     """
 
     minimum_ticks: Annotated[int, DURATIONS, quantities.Key("minimum_duration_ms")] = 0
@@ -108,12 +110,12 @@ class StateParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseParameters(StateParameters):
-    """Parameters that one phase of gait sets.
+    """Parameters of one phase of gait.
 
     Attributes:
         joints: Impedance per joint name.
-        gravity_compensation: Share of the leg's gravity torque that is fed forward.
-        blending_ticks: Length of the blending into the phase in ticks; None for that of the table.
+        gravity_compensation: Share of the leg's gravity torque that is compensated.
+        blending_ticks: Length of the blending into the phase in ticks; None for the length in the table.
     """
 
     joints: Annotated[Mapping[str, JointImpedance], quantities.CustomSerialized(), quantities.Inline()]
@@ -125,9 +127,9 @@ class DrivenBy(StrEnum):
     """Cause of the motion of a leg towards an exit."""
 
     JOINT = "joint"
-    """The joint's own balance of impedance, gravity and friction."""
+    """Balance of impedance, gravity and friction of the joint itself."""
     CONTACT = "contact"
-    """Ground, belt or the other leg."""
+    """Force of the ground or belt, or motion of the other leg."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +141,10 @@ class Transition(quantities.Parameters):
         target: Phase that is entered.
         cause: Reason for the transition, in one word; recorded with every switch.
         guard: Condition; an empty ``AllOf`` for a pure timeout.
-        debounce_ticks: Number of consecutive ticks for which the guard must hold; it fires on the last.
-        timeout_ticks: Minimum time in the phase in ticks, or None; without a guard it is a timeout.
+        debounce_ticks: Number of consecutive ticks for which the guard must be true; the transition is taken
+            in the last of them.
+        timeout_ticks: Time in the phase in ticks, before which the transition is not taken, or None. Without
+            a guard, the transition is a timeout.
         driven_by: Cause of the leg's motion towards this exit; used by checks only.
     """
 
@@ -153,11 +157,11 @@ class Transition(quantities.Parameters):
     driven_by: DrivenBy = DrivenBy.JOINT
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Check the ranges, and that there is a condition."""
         super().__post_init__()
         name = f"{self.source} → {self.target} ({self.cause})"
         empty = self.timeout_ticks is None and self.guard == ALWAYS_TRUE
-        raise_if(empty, f"transition {name} has no condition: give all, any or after_s")
+        raise_if(empty, f"transition {name}: has no condition; give all, any or after_s")
 
     @property
     def is_timeout(self) -> bool:
@@ -172,15 +176,15 @@ class Transition(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling(quantities.Parameters):
-    """Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
+    """Laws that adapt a table to wearer, support and speed; each is off if its reference is None.
 
-    :func:`twin_gait.gait.scaling.scale_table` applies them.
+    :func:`twin_gait.gait.scaling.scale_table` applies them and states their equations.
 
     Attributes:
         carried_mass: Reference of the carried mass in [kg].
         carried_mass_exponent: Exponent α; with 1 the leg yields as far as with the reference load.
         stance_phases: Phases whose stiffness scales with the carried mass.
-        speed: Reference of the belt speed in [m] / [s].
+        speed: Reference of the belt speed in [m/s].
         speed_exponent: Exponent β; above 0 the steps are shorter on a slower belt.
         height: Reference of the wearer's height in [m].
         height_exponent: Exponent γ; with -1 longer legs make steps of the same length.
@@ -199,11 +203,11 @@ class Scaling(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Waiver(quantities.Parameters):
-    """A warning of the check that is accepted for a table.
+    """Acceptance of a warning of the check for a table, with a reason.
 
     Attributes:
         rule: Id of the rule.
-        reason: Reason why the table is right as it is.
+        reason: Reason why the warning is no mistake of the table.
         phase: Phase to which the waiver is limited; None for all.
         transition: Cause of the transitions to which the waiver is limited; None for all.
     """
@@ -216,13 +220,13 @@ class Waiver(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class StateTable:
-    """The phases of a state machine and the transitions between them: of a leg, or of the supervisor."""
+    """State machine of a leg or of the supervisor, as data: its phases and the transitions between them."""
 
     name: str  # Name of the table.
     joints: tuple[str, ...]  # Names of the joints, in the order of the parameter arrays.
-    # Phases by name, in the order of the cycle; the machine begins in the first one.
+    # Phases by name, in the order of the cycle; the machine starts in the first one.
     phases: Mapping[str, StateParameters]
-    # Transitions in order of priority: the first listed one that is due is taken.
+    # Transitions in order of priority: of those that are due, the first one in the list is taken.
     transitions: tuple[Transition, ...]
     description: str = ""  # Purpose of the table and sources of its numbers.
     waivers: tuple[Waiver, ...] = ()  # Warnings of the check that are accepted for the table.
@@ -231,13 +235,14 @@ class StateTable:
     kind: ClassVar[str] = "phase"  # Name of a state in messages; with an s, the key of a file.
 
     def __post_init__(self) -> None:
-        """Check that the table is complete; a separate check judges its logic."""
+        """Check that the table is complete and consistent; :mod:`twin_gait.checking` checks its logic."""
         for name in self.joints:
-            # Names of signals are joint.quantity, with the prefix "other." or a side for a certain leg.
+            # A signal is named joint.quantity, with the prefix "other.", "left." or "right." for another leg.
             odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." in (OTHER, LEFT, RIGHT)
             raise_if(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
         some = len(set(self.joints)) == len(self.joints) > 0
-        raise_if(not some, f"joints: expected one or more, each once, got {', '.join(self.joints) or 'none'}")
+        given = ", ".join(self.joints) or "none"
+        raise_if(not some, f"joints: expected one or more names, each only once, got {given}")
         count = len(self.phases)
         raise_if(not 0 < count <= MAX_PHASES, f"{self.kind}s: expected 1 to {MAX_PHASES}, got {count}")
         self._check_phases()
@@ -247,21 +252,24 @@ class StateTable:
     def _check_phases(self) -> None:
         """Check that the settings of the phases are consistent."""
 
-    def _check_known(self, place: str, *phases: str) -> None:
+    def _check_known(self, location: str, *phases: str) -> None:
         for phase in phases:
             if phase not in self.phases:
-                raise GaitTableError(f"{place}: no {self.kind} {phase!r}; there are {', '.join(self.phases)}")
+                known = ", ".join(self.phases)
+                problem = f"there is no {self.kind} {phase!r}; expected one of {known}"
+                raise GaitTableError(f"{location}: {problem}")
 
-    def _check_transition(self, place: str, item: Transition) -> None:
-        self._check_known(place, item.source, item.target)
-        raise_if(item.source == item.target, f"{place}: leads from {item.source} to itself")
+    def _check_transition(self, location: str, item: Transition) -> None:
+        self._check_known(location, item.source, item.target)
+        problem = f"{location}: leads from {item.source} to itself; expected two different {self.kind}s"
+        raise_if(item.source == item.target, problem)
         for atom in item.atoms:
             problem = self.vocabulary.find_problem(atom, self.joints, self.members)
             if problem:
-                raise GaitTableError(f"{place}: guard '{atom}': {problem}")
-        after, least = item.timeout_ticks or MAX_TICKS, self.phases[item.source].minimum_ticks
-        early = f"after_s {after * TICK:g} is below the minimum_duration_ms {least} of {item.source}"
-        raise_if(after < least, f"{place}: {early}")
+                raise GaitTableError(f"{location}: guard '{atom}': {problem}")
+        after, minimum = item.timeout_ticks or MAX_TICKS, self.phases[item.source].minimum_ticks
+        early = f"after_s {after * TICK:g} is below the minimum_duration_ms {minimum} of {item.source}"
+        raise_if(after < minimum, f"{location}: {early}")
 
     @cached_property
     def phase_names(self) -> tuple[str, ...]:
@@ -269,30 +277,34 @@ class StateTable:
         return tuple(self.phases)
 
     def phase_index(self, phase: str) -> int:
-        """Return the position of a phase in :attr:`phase_names`; raise GaitTableError for an unknown one."""
+        """Return the index of a phase in :attr:`phase_names`; raise GaitTableError for an unknown phase."""
         self._check_known("phase", phase)
         return self.phase_names.index(phase)
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """All signals that the guards may read; their positions are the indices in the guard program."""
+        """All signals that the guards may read; their indices are those in the guard program."""
         return self.vocabulary.signals(self.joints)
 
     @cached_property
     def members(self) -> tuple[str, ...]:
-        """Names that a membership in a guard may contain: phases of the other leg, or requests."""
+        """Names that a guard may test for membership: phases of the other leg, or requests."""
         return self.phase_names
 
     def member_index(self, name: str | None) -> int:
-        """Return the position of one of the :attr:`members`, -1 for None; GaitTableError if it is unknown."""
+        """Return the index of a name in :attr:`members`, or -1 for None.
+
+        Raises GaitTableError if the name is unknown.
+        """
         unknown = name is not None and name not in self.members
-        raise_if(unknown, f"no {self.vocabulary.member} {name!r}; there are {', '.join(self.members)}")
+        expected = f"expected one of {', '.join(self.members) or 'none'}"
+        raise_if(unknown, f"there is no {self.vocabulary.member} {name!r}; {expected}")
         return -1 if name is None else self.members.index(name)
 
     def to_si(self, signals: Mapping[str, float]) -> list[float]:
-        """Return the signals in their order in SI from values in the units of a table.
+        """Convert signals from the units of a table to a list in SI, in the order of :attr:`signals`.
 
-        Signals that are missing in ``signals`` have their initial values.
+        Signals that are missing in the argument have their initial values.
         """
         declared = {name: find_signal(name) for name in self.signals}
         values = ((signals.get(name), item) for name, item in declared.items())
@@ -308,12 +320,12 @@ class StateTable:
 class GaitTable(StateTable):
     """Impedances of each phase and transitions between phases, with blending and scaling."""
 
-    phases: Mapping[str, PhaseParameters]  # Parameters per phase, in the order of the cycle.
+    phases: Mapping[str, PhaseParameters]  # Parameters of each phase, in the order of the cycle.
     blending: Blending = field(default_factory=Blending)  # Blending of the parameters at a phase switch.
     # Parameters that differ on one side (hemiparesis).
     side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
     scaling: Scaling = field(default_factory=Scaling)  # Laws that scale the table.
-    # Intended cycles of phases; empty for the phases in their order.
+    # Intended cycles of phases; empty if the cycle consists of all phases in their order.
     cycles: tuple[tuple[str, ...], ...] = ()
     postures: tuple[str, ...] = ()  # Phases that a supervisor may command for both legs.
 
@@ -321,16 +333,17 @@ class GaitTable(StateTable):
         named = {"scaling.stance_phases": self.scaling.stance_phases, "postures": self.postures}
         named |= {f"cycles[{index}]": cycle for index, cycle in enumerate(self.cycles)}
         named |= {f"sides.{side}": tuple(phases) for side, phases in self.side_phases.items()}
-        for place, phases in named.items():
-            self._check_known(place, *phases)
+        for location, phases in named.items():
+            self._check_known(location, *phases)
         for index, cycle in enumerate(self.cycles):
             short = len(set(cycle)) < max(2, len(cycle))
             raise_if(short, f"cycles[{index}]: expected two or more different phases, got {', '.join(cycle)}")
         joints = ", ".join(self.joints)
         for side in (self.phases, *self.side_phases.values()):
-            for phase, own in side.items():
-                problem = f"phases.{phase}: expected an impedance of {joints}, got {', '.join(own.joints)}"
-                raise_if(set(own.joints) != set(self.joints), problem)
+            for phase, parameters in side.items():
+                given = ", ".join(parameters.joints) or "none"
+                problem = f"phases.{phase}: expected one impedance for each of {joints}, got {given}"
+                raise_if(set(parameters.joints) != set(self.joints), problem)
 
     @property
     def externally_entered(self) -> tuple[str, ...]:
@@ -348,5 +361,5 @@ class GaitTable(StateTable):
         return self.blending.duration_ticks if phase.blending_ticks is None else phase.blending_ticks
 
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
-        """Return the parameters of one side: the common ones, overridden by those of the side."""
+        """Return the parameters of all phases on one side; those in :attr:`side_phases` take precedence."""
         return {**self.phases, **self.side_phases.get(side, {})}

@@ -68,10 +68,10 @@ class Fit:
     model: FrictionModel  # friction model
     x: np.ndarray  # linear coefficients and logarithms of the shape, shape ``(size,)``
     bounds: Bounds  # bounds of x
-    threshold: float  # threshold of Huber's loss in [N m]; infinite for least squares
+    threshold: float  # threshold of Huber's loss in [N·m]; infinite for least squares
 
     def residuals(self, samples: Samples) -> np.ndarray:
-        """Compute measured less predicted torque of the samples that are used, in [N m]."""
+        """Compute measured less predicted torque of the samples that are used, in [N·m]."""
         return -self.model.errors(self.x, samples)
 
     @property
@@ -164,7 +164,7 @@ def _best_start(
     shapes = low + draws * (high - low)
     found = [best_coefficients(model, np.exp(shape), few) for shape in shapes]
     kept = _apart(draws, np.array([cost for _, cost in found]))
-    starts = [*(np.concatenate([found[place][0], shapes[place]]) for place in kept), *seeds]
+    starts = [*(np.concatenate([found[index][0], shapes[index]]) for index in kept), *seeds]
     polished = [
         refine(model, few, x, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS) for x in starts
     ]
@@ -173,11 +173,11 @@ def _best_start(
     return min(candidates, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
 
 
-def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
+def _apart(points: np.ndarray, costs: np.ndarray) -> list[int]:
     """Select the best starts that are not close to a better one, in the unit cube of the shape."""
     chosen: list[int] = []
     for index in np.argsort(costs, kind="stable"):
-        if all(np.abs(places[index] - places[other]).max() > _APART for other in chosen):
+        if all(np.abs(points[index] - points[other]).max() > _APART for other in chosen):
             chosen.append(int(index))
         if len(chosen) == _POLISHED:
             break
@@ -195,8 +195,8 @@ def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
         return samples.rows(np.sort(np.random.default_rng(0).choice(len(samples), limit, replace=False)))
     tests = np.unique(samples.test)
     first = np.searchsorted(samples.test, tests)
-    place = np.arange(len(samples)) - first[np.searchsorted(tests, samples.test)]
-    chosen = samples.rows(place < max(limit // len(tests), 50))
+    position = np.arange(len(samples)) - first[np.searchsorted(tests, samples.test)]
+    chosen = samples.rows(position < max(limit // len(tests), 50))
     return chosen if chosen.used.sum() > 10 * model.size else samples
 
 
@@ -211,7 +211,7 @@ def refine(
     tolerance: float = 1e-12,
     steps: int = 200,
 ) -> np.ndarray:
-    """Descend to the minimum near a start within the bounds, for a threshold of Huber's loss in [N m].
+    """Descend to the minimum near a start within the bounds, for a threshold of Huber's loss in [N·m].
 
     The descent ends after a step that reduces the loss by less than the share ``tolerance``.
     """

@@ -29,7 +29,7 @@ def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
     """
     for name in names:
         if name not in MODELS:
-            raise ParameterError(f"model: no {name!r}; there are {', '.join(MODELS)}")
+            raise ParameterError(f"model: expected one of {', '.join(MODELS)}, got {name!r}")
     return tuple(MODELS[name] for name in dict.fromkeys(names)) if names else tuple(MODELS.values())
 
 
@@ -96,7 +96,7 @@ class IdentifiedModel:
     goodness: Goodness  # goodness of fit on all samples
     uncertainty: Uncertainty  # uncertainty of the parameters
     validations: tuple[CrossValidation, ...]  # errors on the samples left out
-    residuals: np.ndarray  # residuals of the samples that are used, in [N m]
+    residuals: np.ndarray  # residuals of the samples that are used, in [N·m]
     warnings: tuple[str, ...]  # doubts about the fit, one line each
 
     @property
@@ -150,12 +150,12 @@ def identify_tests(
         # The filter spreads an outlier, such as a contact with the stop, over samples.
         options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
     samples = thinned(join_tests(tests), MAX_SAMPLES)
-    asked = find_models(options.models)
-    lacking = {model.name: missing for model in asked if (missing := _lacking(model, samples))}
-    models = [model for model in asked if model.name not in lacking]
+    requested = find_models(options.models)
+    lacking = {model.name: missing for model in requested if (missing := _lacking(model, samples))}
+    models = [model for model in requested if model.name not in lacking]
     if not models:
-        wanted = ", ".join(dict.fromkeys(itertools.chain(*lacking.values())))
-        raise ParameterError(f"model: the logs lack {wanted}, or it does not vary")
+        missing_columns = ", ".join(dict.fromkeys(itertools.chain(*lacking.values())))
+        raise ParameterError(f"model: the logs have no {missing_columns}, or it does not vary")
     _check_number(samples, models, tests)
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done, found = len(models) * (1 + len(folds)), itertools.count(1), list[IdentifiedModel]()
@@ -216,10 +216,10 @@ def _align_torque_signs(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
         return list(tests), []
     if any(test.from_bench for test in tests):
         raise ParameterError(
-            "logs: the balance of torques drives the joint: current or angle has the wrong sign; turn it "
-            "with --columns measured_current=-NAME or angle=-NAME"
+            "logs: the friction from the torque balance drives the joint: current or angle has the wrong "
+            "sign; invert it with --columns measured_current=-NAME or angle=-NAME"
         )
-    text = "the friction torque opposes the velocity in these files; it was turned to have its sign"
+    text = "the friction torque has the opposite sign of the velocity in these files; its sign was inverted"
     return [replace(test, torque=-test.torque) for test in tests], [text]
 
 
@@ -238,7 +238,7 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequ
 
 
 _DIRECTION_WARNING_SHARE = 0.05  # share of the samples in the rarer direction below which a warning is given
-_FAST, _SLOW = 1.0, 0.1  # [rad] / [s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
+_FAST, _SLOW = 1.0, 0.1  # [rad/s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
 _FEW = 0.02  # share of the samples below which there are too few
 
 
@@ -247,7 +247,7 @@ def _sample_warnings(samples: Samples) -> list[str]:
     back, few = samples.rarer_direction, f"fewer than {100.0 * _FEW:g} %"
     speed = np.abs(samples.velocity[samples.used])
     doubts = {
-        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back
+        f"one direction only: {100.0 * back:.1f} % of the samples move in the other direction": back
         < _DIRECTION_WARNING_SHARE,
         f"no slow samples: {few} below {_SLOW:g} rad/s": (speed < _SLOW).mean() < _FEW,
         f"no fast samples: {few} above {_FAST:g} rad/s": (speed > _FAST).mean() < _FEW,
@@ -264,5 +264,6 @@ def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> l
     mass = None if bench is None else bench.mass
     others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, mass)]
     if mass is not None and others:
-        found.append(f"--mass {mass:g} is overruled by what {others[0]} says, of {len(others)} such files")
+        files = f"{len(others)} files whose names state a mass, such as {others[0]}"
+        found.append(f"--mass {mass:g} is not used for {files}")
     return found

@@ -1,8 +1,9 @@
-"""Friction models: their laws over samples, from linear coefficients ``beta`` and shape ``eta``.
+"""Friction models that are fitted: torque of every sample from linear coefficients and shape parameters.
 
-Break-away friction is fitted as its excess over Coulomb friction, stiffness and break-away friction of
-bristles as ratios to it, so that each law is linear in its coefficients; ``public`` of a model converts them
-to the reported parameters. The formula of a model is the first line of its law without "Compute".
+A law is linear in its coefficients ``beta`` and not linear in its shape parameters ``eta``. Break-away
+friction is therefore fitted as its excess over Coulomb friction; stiffness and break-away friction of
+bristles are fitted as ratios to Coulomb friction. ``to_reported`` of a model converts both to the reported
+parameters. The formula of a model is the first line of its law without "Compute".
 """
 
 import math
@@ -26,18 +27,18 @@ _TINY = 1e-12
 
 
 def usual_speed(samples: Samples) -> float:
-    """Return the speed below which 95 % of the samples are, in [rad] / [s]."""
+    """Compute the speed in [rad/s] below which 95 % of the used samples are."""
     return max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
 
 
 def fineness(samples: Samples) -> float:
-    """Return the inverse of the distance between samples, in [1] / [rad], as a scale of stiffness."""
+    """Compute the inverse of the median angle between consecutive samples, in [1/rad]."""
     moved = np.abs(samples.velocity * (0.0 if samples.period is None else samples.period))
     return 1.0 / max(float(np.median(moved[moved > 0.0])), _TINY) if moved.any() else 1.0
 
 
 def spans_per_turn(samples: Samples) -> float:
-    """Compute the number of spans of the samples in a turn of the joint."""
+    """Compute the ratio of a turn of the joint to the range of the measured angles; 1 without angles."""
     return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
 
 
@@ -47,7 +48,7 @@ _BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
 _RIPPLES = "ripple_cosine_Nm", "ripple_sine_Nm"
-# Coefficients that may be below 0 in a physical friction.
+# Coefficients that may be negative; all others of a physical friction are 0 or positive.
 SIGNED = frozenset({OFFSET, *_PER_KELVIN, *_RIPPLES})
 _TRANSITION = ShapeParameter("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
 _STRIBECK = ShapeParameter("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
@@ -64,7 +65,7 @@ _RIPPLE = ShapeParameter("ripple_per_turn", 1.0, 60.0, spans_per_turn)
 _BRISTLES = ShapeParameter("bristle_stiffness_Nm_per_rad", 1e-5, 1e5, fineness)
 _RATIO = ShapeParameter(_BREAKAWAY, 0.1, 10.0, physical_low=1.0, log_interval=False)
 
-# Laws of the plant for arrays: the same functions with those of NumPy instead of core's.
+# Laws of the plant for arrays: the functions of core with the elementary functions of NumPy.
 _NUMPY = {
     "exponential": np.exp,
     "hyperbolic_tangent": np.tanh,
@@ -77,21 +78,27 @@ array_laws = SimpleNamespace(**{law.__name__: specialize(law, _NUMPY) for law in
 
 
 def convert_breakaway(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Convert a model with the coefficients break-away less Coulomb friction, and Coulomb friction, first."""
+    """Return the reported parameters of a model with break-away friction, its coefficients and its shape.
+
+    The first two coefficients are T_b − T_c and T_c; the first one is replaced by T_b.
+    """
     return (beta[0] + beta[1], *beta[1:], *eta)
 
 
 def convert_bristles(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Convert a model whose shape begins with ratios to Coulomb friction: stiffness, break-away friction."""
+    """Return the reported parameters of a bristle model, its coefficients and its shape.
+
+    The first coefficient is T_c, and the shape begins with σ0/T_c and T_b/T_c, which are multiplied by it.
+    """
     return (*beta, *(eta[:2] * beta[0]), *eta[2:])
 
 
-_Law = Callable[[Samples, np.ndarray, np.ndarray], Any]  # torque of each sample in [N m], shape ``(n,)``
+_Law = Callable[[Samples, np.ndarray, np.ndarray], Any]  # torque of each sample in [N·m], shape ``(n,)``
 MODELS: dict[str, FrictionModel] = {}  # models by the names of their laws
 
 
 def _model(coefficients: tuple[str, ...], *shape: ShapeParameter, **more: Any) -> Callable[[_Law], _Law]:
-    """Return a decorator that registers a law as a model; see :class:`FrictionModel`."""
+    """Return a decorator that registers a law as a model; arguments as of :class:`FrictionModel`."""
 
     def add(law: _Law) -> _Law:
         formula = summary_of(law).removeprefix("Compute ").removesuffix(".")
@@ -179,7 +186,10 @@ def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarr
 def _conditioned(
     samples: Samples, eta: np.ndarray, coulomb: Any, viscous: Any, per_load: Any, *per_kelvin: Any
 ) -> Any:
-    """Compute friction that depends on load and temperature; zero coefficients remove a dependence."""
+    """Compute friction that depends on load and temperature.
+
+    A coefficient of zero removes its term, and the samples then need no column for it.
+    """
     load = 0.0 if samples.load is None else samples.load
     warm = REFERENCE_TEMPERATURE if samples.temperature is None else samples.temperature
     parts = coulomb, per_load, per_kelvin[0], viscous, per_kelvin[1]
@@ -259,14 +269,16 @@ def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any
 def _bristles(
     samples: Samples, eta: np.ndarray, exponent: float, scales: tuple[float, float], rest: np.ndarray
 ) -> np.ndarray:
-    """Compute the torque of bristles, scaled by Coulomb friction and damping, plus rest and initial state.
+    """Compute T_c σ0/T_c z + σ1 ż + ``rest`` plus the torque of the initial deflection.
 
-    Bristles are those of a Coulomb friction of 1 N m. Their deflection at the start of a test is not known;
-    it follows from its first torque, less the other parts of the torque.
+    ``eta``: σ0/T_c, T_b/T_c and Stribeck velocity. ``scales``: T_c and σ1. ``rest``: all other torques of the
+    law in [N·m], shape ``(n,)``. The bristles are computed for a Coulomb friction of 1 N·m and scaled. Their
+    deflection at the start of a test is not measured; it follows from the first measured torque of the test
+    less ``rest``.
     """
     stiffness, ratio, stribeck_velocity = eta
     velocity, period, fresh = samples.velocity, samples.period, samples.fresh
-    assert period is not None  # models that need a column are offered only where it is
+    assert period is not None  # a model is fitted only to samples with the columns that it needs
     level = array_laws.stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
     z = bristle_deflection(velocity, period, fresh, level, stiffness)
     rate = velocity - stiffness * np.abs(velocity) / level * z
@@ -282,12 +294,12 @@ def bristle_deflection(
 ) -> np.ndarray:
     """Compute the deflection of the bristles in [rad] at every sample, shape ``(n,)``.
 
-    The velocity holds from the sample before to the sample. A test starts with straight bristles; the effect
-    of another start is :func:`initial_deflection_share`.
+    The velocity of a sample is taken as constant since the sample before. A test starts with undeflected
+    bristles; :func:`initial_deflection_share` describes the effect of another start.
 
-    ``velocity`` in [rad] / [s], shape ``(n,)`` like the next three. ``period``: time since the sample before
-    in [s]. ``fresh``: whether a test starts; true at the first sample. ``level``: h of
-    :func:`twin_gait.core.friction_models.bristle_rate` in [N m]. ``stiffness``: σ0 in [N m] / [rad].
+    ``velocity`` in [rad/s], shape ``(n,)`` as for the next three arguments. ``period``: time since the sample
+    before in [s]. ``fresh``: whether a test starts at the sample; true for the first one. ``level``: h of
+    :func:`twin_gait.core.friction_models.bristle_rate` in [N·m]. ``stiffness``: σ0 in [N·m/rad].
     """
     deflection = np.empty(len(velocity))
     z = 0.0
@@ -302,8 +314,9 @@ def initial_deflection_share(
 ) -> np.ndarray:
     """Compute the share of the deflection at the start of a test that is left at every sample.
 
-    The law is linear in this deflection. The share falls from 1 at the start towards 0, shape ``(n,)``. The
-    arguments are those of :func:`bristle_deflection`.
+    It is exp(−∫ σ0 |ω| / h dt) since the start of the test, because the law is linear in the deflection. The
+    arguments are those of :func:`bristle_deflection`. Returns the share, 1 at the start and falling towards
+    0, shape ``(n,)``.
     """
     travelled = np.cumsum(np.where(fresh, 0.0, stiffness * np.abs(velocity) * period / level))
     return np.asarray(np.exp(-(travelled - travelled[_start_of(fresh)])))

@@ -22,15 +22,15 @@ class FrictionTest:
     """One test after its processing."""
 
     name: str  # name of the file
-    velocity: np.ndarray  # joint velocity in [rad] / [s], shape ``(n,)``
-    torque: np.ndarray  # friction torque in [N m] with the sign of the velocity, shape ``(n,)``
+    velocity: np.ndarray  # joint velocity in [rad/s], shape ``(n,)``
+    torque: np.ndarray  # friction torque in [N·m] with the sign of the velocity, shape ``(n,)``
     # Samples that a fit may use, shape ``(n,)``; the others only update the state of dynamic models.
     used: np.ndarray
     # Time in [s], shape ``(n,)``; None if the file has none. A new record begins where time goes back.
     time: np.ndarray | None = None
     angle: np.ndarray | None = None  # joint angle in [rad], or None
-    load: np.ndarray | None = None  # load torque in [N m], or None
-    motor_rate: np.ndarray | None = None  # rate of the motor's torque at the joint in [N m] / [s], or None
+    load: np.ndarray | None = None  # load torque in [N·m], or None
+    motor_rate: np.ndarray | None = None  # rate of the motor's torque at the joint in [N·m/s], or None
     temperature: np.ndarray | None = None  # temperature in [°C], or None
     mass: float | None = None  # weight on the link in [kg], or None
     # Number of samples that were read, used, and rejected by cause.
@@ -50,15 +50,15 @@ class FrictionTest:
 class Samples:
     """Samples of one or more tests in one row of arrays, each of shape ``(n,)``."""
 
-    velocity: np.ndarray  # joint velocity in [rad] / [s]
-    torque: np.ndarray  # friction torque in [N m]
+    velocity: np.ndarray  # joint velocity in [rad/s]
+    torque: np.ndarray  # friction torque in [N·m]
     used: np.ndarray  # whether each sample counts
     test: np.ndarray  # index of the test
     fresh: np.ndarray  # whether the state of a dynamic model restarts at each sample
     period: np.ndarray | None = None  # time since the sample before in [s]; None if a test has no time
     time: np.ndarray | None = None  # time from the start of each test in [s], or None
     angle: np.ndarray | None = None  # angle in [rad]; None unless all tests have it, like the next two
-    load: np.ndarray | None = None  # load torque in [N m]
+    load: np.ndarray | None = None  # load torque in [N·m]
     temperature: np.ndarray | None = None  # temperature in [°C]
 
     def __len__(self) -> int:
@@ -158,7 +158,7 @@ class FrictionModel:
     formula: str  # formula in one line, for reports
     coefficients: tuple[str, ...]  # reported names, with units, of the parameters that enter linearly
     shape: tuple[ShapeParameter, ...]  # the other parameters
-    # Law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``.
+    # Law: samples, coefficients, shape -> torque in [N·m], shape ``(n,)``.
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
     # Conversion of coefficients and shape to reported parameters; accepts many of them as columns.
     to_reported: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = lambda beta, eta: (*beta, *eta)
@@ -181,11 +181,11 @@ class FrictionModel:
         return x[:count], np.exp(x[count:])
 
     def predict(self, x: np.ndarray, samples: Samples) -> np.ndarray:
-        """Compute the friction torque in [N m] of a parameter vector, shape ``(n,)``."""
+        """Compute the friction torque in [N·m] of a parameter vector, shape ``(n,)``."""
         return self.torque(samples, *self.split(x))
 
     def errors(self, x: np.ndarray, samples: Samples) -> np.ndarray:
-        """Compute predicted less measured torque of the used samples, in [N m], shape ``(n_used,)``."""
+        """Compute predicted less measured torque of the used samples, in [N·m], shape ``(n_used,)``."""
         return np.asarray((self.predict(x, samples) - samples.torque)[samples.used])
 
     def jacobian(self, x: np.ndarray, samples: Samples) -> np.ndarray:
@@ -195,9 +195,9 @@ class FrictionModel:
         """
         count = len(self.coefficients)
         columns = [self.basis(np.exp(x[count:]), samples)[samples.used]]
-        for place in range(count, self.size):
+        for index in range(count, self.size):
             step = np.zeros(self.size)
-            step[place] = _DIFFERENCE
+            step[index] = _DIFFERENCE
             change = self.predict(x + step, samples) - self.predict(x - step, samples)
             columns.append((change[samples.used] / (2.0 * _DIFFERENCE))[:, None])
         return np.concatenate(columns, axis=1)

@@ -18,7 +18,7 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.worlds.bench_joint import BENCH_STOPS, HORIZONTAL, MOMENT, LoadAngle
 
-_GRAVITY = 9.81  # [m] / [s²]
+_GRAVITY = 9.81  # [m/s²]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +29,8 @@ class BenchSetup(quantities.Parameters):
         actuator: Motor and gear.
         mass: Mass on the link in [kg], used if the name of a log does not contain it.
         lever: Lever b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
-        link_inertia: Inertia of the link about the axis in [kg m²]; an assumption.
-        link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
+        link_inertia: Inertia of the link about the axis in [kg·m²]; an assumption.
+        link_moment: Mass of the link times the distance of its centre from the axis in [kg·m].
         start_angle: Angle to which the first angle of a log is set in [rad]; None leaves the angles
             unchanged.
         load_angle: Form of the load torque.
@@ -53,7 +53,7 @@ class BenchSetup(quantities.Parameters):
     ] = 0.0
 
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
-        """Compute the torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
+        """Compute the torque of gravity on the joint in [N·m], equation (2.8); positive along the fall.
 
         ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: mass on the link in [kg].
         """
@@ -61,7 +61,7 @@ class BenchSetup(quantities.Parameters):
         return np.asarray(_GRAVITY * (mass * self.lever + self.link_moment) * np.cos(tilt))
 
     def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
-        """Compute J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
+        """Compute J of equation (2.12) at the joint in [kg·m²]: armature, link and weight."""
         weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
         return self.actuator.armature + self.link_inertia + weight
 
@@ -85,7 +85,7 @@ _UNEVEN = 0.02  # deviation in periods beyond which a log is interpolated to an 
 # Gaps without a sample, in periods and in shares of 1/cutoff, that are interpolated because the filter
 # removes the difference.
 _GAP, _SHORT = 1.5, 0.125
-_STANDSTILL = 0.002  # [rad] / [s], speed that samples of a bench must exceed
+_STANDSTILL = 0.002  # [rad/s], speed that samples of a bench must exceed
 
 
 def process_log(
@@ -128,7 +128,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
     """Compute the friction torque at 100 Hz by the balance of torques, equation (2.12)."""
     mass, thesis = bench.mass if log.mass is None else log.mass, processing is Processing.THESIS
     if mass is None:
-        text = "is not known: add --mass, or name the file by its weight, such as knee_2.5kg_1.log"
+        text = "is not known; add --mass, or state it in the name of the file, such as knee_2.5kg_1.log"
         raise ParameterFileError(log.source, "mass", text)
     rate = 1.0 / float(np.median(np.diff(log.columns[Quantity.TIME])))
     cutoff = min(CUTOFF, 0.2 * rate)
@@ -163,12 +163,11 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
     stopped = signals.hard_stop(angle, _impact(raw, cutoff, rate, step), int(RATE / cutoff))
     kept = settled & ~stopped
     if kept.any():
-        told = (angle, velocity, torque, inertial)
-        stopped[kept] |= signals.soft_stop(*(values[kept] for values in told))
+        balance = (angle, velocity, torque, inertial)
+        stopped[kept] |= signals.soft_stop(*(values[kept] for values in balance))
     standing = ~stopped & (np.abs(velocity) < _STANDSTILL)
     # Near a fast reversal the filter mixes friction of both directions: its output is the filtered friction,
-    # not
-    # the friction at the filtered velocity.
+    # not the friction at the filtered velocity.
     near = np.abs(velocity) < REVERSAL_REACH * np.abs(acceleration) / cutoff
     turning = ~stopped & ~standing & near & (not thesis)
     rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
@@ -211,7 +210,7 @@ def _late_motion(speed: np.ndarray, recorded: np.ndarray, rate: float) -> tuple[
 def _needed(log: Log, quantity: Quantity) -> np.ndarray:
     """Return a column; raise ParameterFileError if it is missing."""
     if quantity not in log.columns:
-        text = f"no such column; name one with --columns {quantity}=NAME"
+        text = f"there is no such column; name it with --columns {quantity}=NAME"
         raise ParameterFileError(log.source, quantity, text)
     return log.columns[quantity]
 
@@ -229,7 +228,7 @@ def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quanti
         return time, dict(log.columns), np.ones(len(time), dtype=bool)
     number = int((time[-1] - time[0]) * rate) + 1
     if number > 20 * len(time):
-        text = f"has gaps that are {number / len(time):.0f} times as long as what was recorded"
+        text = f"has gaps that are {number / len(time):.0f} times as long as the recorded time"
         raise ParameterFileError(log.source, "time", text)
     grid = time[0] + np.arange(number) / rate
     columns = {quantity: np.interp(grid, time, values) for quantity, values in log.columns.items()}
@@ -239,7 +238,7 @@ def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quanti
 
 
 def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndarray:
-    """Compute the largest acceleration up to the next decimated sample in [rad] / [s²], without filter delay.
+    """Compute the largest acceleration up to the next decimated sample in [rad/s²], without filter delay.
 
     The filter has zero phase, because a late average would hide an impact. All samples in between are used,
     because a single one could miss its peak.
@@ -250,7 +249,8 @@ def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndar
 
 
 _SPEEDS = 100  # classes of speed, with equal numbers of samples
-_TELLING = 0.5  # [N m], least RMS of the load that is independent of the speed for a statement about the load
+# Least RMS of the part of the load that is independent of the speed, for a statement about the load [N·m].
+_SIGNIFICANT_LOAD = 0.5
 # Limits of warnings; load-dependent friction of a one-way fall, or a slightly wrong inertia, have smaller
 # effects.
 _GAIN, _TILT = 0.15, 8.0  # relative error of the load's size, and error of its angle in [deg]
@@ -273,7 +273,7 @@ def balance_warnings(
         return []
     if processing is Processing.THESIS:
         late = 0.5 * (WINDOW - 1) / RATE
-        text = f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load"
+        text = f"the thesis's processing delays the velocity by {1e3 * late:.0f} ms against current and load"
         return [f"{text}: the parameters are biased (--processing zero_phase)"]
     rows = join_tests(tests)
     mass = np.array([test.mass for test in tests], dtype=float)[rows.test]
@@ -283,20 +283,20 @@ def balance_warnings(
     classes = pd.qcut(table.pop("speed"), _SPEEDS, labels=False, duplicates="drop")
     rest = (table - table.groupby(classes).transform("mean")).to_numpy()
     share, _, _, sizes = np.linalg.lstsq(rest[:, :2], rest[:, 2])
-    if sizes[-1] < _TELLING * np.sqrt(len(rest)):
+    if sizes[-1] < _SIGNIFICANT_LOAD * np.sqrt(len(rest)):
         return []
     true = complex(1.0 - share[0], -share[1])
     if true.real < 0.0:
         raise ParameterError(
-            "logs: by the current the weight pulls upwards; turn current and angle to be positive along the "
-            "fall: --columns measured_current=-NAME,angle=-NAME"
+            "logs: according to the current, the weight pulls upwards; make current and angle positive along "
+            "the fall: --columns measured_current=-NAME,angle=-NAME"
         )
     gain, tilt = float(abs(true)), float(np.angle(true, deg=True))
     if abs(gain - 1.0) < _GAIN and abs(tilt) < _TILT:
         return []
     return [
-        f"by the current the weight's torque is {gain:.2f} times what mass and lever say, and the angle "
-        f"{tilt:+.0f}° too large (expected 1 and 0): check --joint or --torque-constant, --gear-ratio and "
-        "--rotor-inertia of the motor, --mass, --lever-m, --link-inertia-kgm2, the unit of the current, and "
-        "--start-angle-deg for logs that do not begin with the link horizontal"
+        f"according to the current, the weight's torque is {gain:.2f} times that of mass and lever, and the "
+        f"angle {tilt:+.0f}° too large (expected 1 and 0): check --joint or --torque-constant, --gear-ratio "
+        "and --rotor-inertia of the motor, --mass, --lever-m, --link-inertia-kgm2, the unit of the current, "
+        "and --start-angle-deg for logs that do not begin with the link horizontal"
     ]

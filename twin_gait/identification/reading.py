@@ -78,11 +78,14 @@ class ColumnOptions:
 def _columns_of(table: LogTable, columns: ColumnOptions) -> dict[Quantity, tuple[str, float]]:
     """Return the name of the column of each quantity, and the factor to SI with the sign."""
     found: dict[Quantity, tuple[str, float]] = {}
-    asked_for = {name.lstrip("-") for name in columns.names.values()}
-    free = [name for name in table.names if name not in asked_for]
+    requested_names = {name.lstrip("-") for name in columns.names.values()}
+    free = [name for name in table.names if name not in requested_names]
     for quantity in Quantity:
-        asked = columns.names.get(quantity)
-        name, sign = (_known_column(free, quantity), 1.0) if asked is None else table.signed_name(asked)
+        requested = columns.names.get(quantity)
+        if requested is None:
+            name, sign = _known_column(free, quantity), 1.0
+        else:
+            name, sign = table.signed_name(requested)
         if name is not None:
             if name in (held for held, _ in found.values()):
                 raise ParameterFileError(table.source, name, f"is given for {quantity} and another quantity")
@@ -98,26 +101,26 @@ def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
     known = next((name for name in COLUMN_PATTERNS[quantity].names if plain.count(name) == 1), None)
     if known is None:
         return None
-    place = plain.index(known)
-    stated = split_heading(names[place], units)[1]
+    index = plain.index(known)
+    stated = split_heading(names[index], units)[1]
     strange = stated is not None and find_unit(stated, units) is None
     optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-    return None if optional and strange else names[place]
+    return None if optional and strange else names[index]
 
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Return the factor of a column to SI: by the unit in its name, else by the given one, else 1."""
     units = COLUMN_PATTERNS[quantity].units
     _, stated = split_heading(column, units)
-    known, told = find_unit(stated, units), find_unit(given, units)
-    wrong = given if given and not told else stated if not told and not known else None
+    stated_unit, given_unit = find_unit(stated, units), find_unit(given, units)
+    wrong = given if given and not given_unit else stated if not given_unit and not stated_unit else None
     if wrong:
-        text = f"no unit {wrong!r} of {quantity} is known; give one of {', '.join(units)} with --units"
+        text = f"there is no unit {wrong!r} of {quantity}; give one of {', '.join(units)} with --units"
         raise ParameterFileError(source, column, f"{text} {quantity}=…")
-    if known and told and units[known] != units[told]:
-        text = f"is in {known} by its name; leave --units {quantity}={given} out"
+    if stated_unit and given_unit and units[stated_unit] != units[given_unit]:
+        text = f"is in {stated_unit} by its name; leave --units {quantity}={given} out"
         raise ParameterFileError(source, column, text)
-    unit = known or told
+    unit = stated_unit or given_unit
     return units[unit] if unit else 1.0
 
 
@@ -189,17 +192,17 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     columns = {name: values for name, values in log.columns.items() if name not in _USELESS[series]}
     needed, notes = _NEEDED[series], list(log.notices)
 
-    def refuse(quantity: Quantity, why: str) -> None:
+    def reject(quantity: Quantity, reason: str) -> None:
         """Remove a column; raise ParameterFileError if it is needed."""
         if quantity in needed:
-            raise ParameterFileError(log.source, quantity, why)
-        notes.append(f"{quantity} was left out: {why}")
+            raise ParameterFileError(log.source, quantity, reason)
+        notes.append(f"{quantity} was left out: {reason}")
         del columns[quantity]
 
     for quantity in sorted(set(columns) - needed):
         empty = int(np.isnan(columns[quantity]).sum())
         if empty > _MOSTLY_EMPTY * len(log):
-            refuse(quantity, f"{100 * empty / len(log):.0f} % of its cells are empty")
+            reject(quantity, f"{100 * empty / len(log):.0f} % of its cells are empty")
     rows = pd.DataFrame(columns).dropna()
     counts = {"read": len(log), "not_a_number": len(log) - len(rows), "duplicate_time": 0}
     if Quantity.TIME in rows:
@@ -208,7 +211,7 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
         same = (clocks.diff() == 0.0).all(axis=1)
         rows, counts["duplicate_time"] = rows[~same], int(same.sum())
         if not series and same.mean() > 0.5:
-            refuse(Quantity.TIME, "is that of the row before in most rows; the clock is too coarse")
+            reject(Quantity.TIME, "is equal to that of the row before in most rows; the clock is too coarse")
     if len(rows) < FEWEST:
         text = f"has {len(rows)} usable rows of {len(log)}, with no cell empty; expected at least {FEWEST}"
         raise ParameterFileError(log.source, "", text)
@@ -216,17 +219,17 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     for quantity in sorted(_MEASURED.intersection(columns)):
         _check_mark(log.source, quantity, columns[quantity])
     if Quantity.ANGLE in columns and (doubt := _wrapping(columns[Quantity.ANGLE])):
-        refuse(Quantity.ANGLE, doubt)
+        reject(Quantity.ANGLE, doubt)
     if doubt := _disorder(columns, notes, series=series):
-        refuse(Quantity.TIME, doubt)
+        reject(Quantity.TIME, doubt)
     for quantity in sorted(columns):
         if doubt := _range_problem(quantity, columns[quantity]):
             if joint_known or not series or quantity not in needed:
-                refuse(quantity, doubt)
+                reject(quantity, doubt)
             else:
                 notes.append(f"{quantity} {doubt}")
     if doubt := _wrong_slope(columns):
-        refuse(Quantity.ANGLE, doubt)
+        reject(Quantity.ANGLE, doubt)
     return replace(log, columns=columns), counts, tuple(notes)
 
 
@@ -243,7 +246,7 @@ def _disorder(columns: Mapping[Quantity, np.ndarray], notes: list[str], *, serie
     if back > (len(steps) / FEWEST if series else 0):
         row = int(np.argmax(steps < 0.0))
         text = f"goes back {back} times, from {time[row]:g} s to {time[row + 1]:g} s first"
-        return f"{text}; one file is one test: cut it there"
+        return f"{text}; a file must be one test, so divide it there"
     if not len(forward):
         return "is the same in every row"
     period = float(np.median(forward))
@@ -261,8 +264,8 @@ def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
     usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
     if size[row] > _MARK * usual > 0.0:
         text = (
-            f"is {values[row]:.4g} once where {100 * _USUAL:g} % stay below {usual:.3g}: a mark for a "
-            "missing value? Leave such cells empty"
+            f"is {values[row]:.4g} in a row, but {100 * _USUAL:g} % of the values are below {usual:.3g}; "
+            "if it marks a missing value, leave such cells empty"
         )
         raise ParameterFileError(source, quantity, text)
 
@@ -272,7 +275,8 @@ def _range_problem(quantity: Quantity, values: np.ndarray) -> str:
     found, (unit, other, *_) = float(np.abs(values).max()), COLUMN_PATTERNS[quantity].units
     if found <= COLUMN_PATTERNS[quantity].largest:
         return ""
-    return f"reaches {found:.4g} {unit}: of a joint? Declare its unit, such as --units {quantity}={other}"
+    remedy = f"declare its unit, such as --units {quantity}={other}"
+    return f"reaches {found:.4g} {unit}, which is too large for a joint; {remedy}"
 
 
 def _wrapping(angle: np.ndarray) -> str:

@@ -32,22 +32,22 @@ def moving_average(values: np.ndarray, window: int) -> np.ndarray:
     return pd.Series(values).rolling(window, min_periods=1).mean().to_numpy()
 
 
-_IMPACT = 25.0  # [rad] / [s²], acceleration beyond which the link has hit a stop
+_IMPACT = 25.0  # [rad/s²], acceleration beyond which the link has hit a stop
 _MARGIN = 0.01  # [rad], distance before a stop within which samples count as at the stop
 _APPROACH = 10  # samples from which the direction of an impact is determined
 _LONGEST = 200  # largest number of samples of an approach, whose first sample is the fastest
 _FEWEST = 10  # least number of samples before the approach for a comparison
 _FASTER = 1.25  # ratio to the present speed up to which speeds are compared
-_SLOW = 0.02  # [rad] / [s], speed up to which all speeds are considered equal
+_SLOW = 0.02  # [rad/s], speed up to which all speeds are considered equal
 _USUAL = 0.95  # share of the torques before that are usual
-_LEAST = 0.5  # [N m], least torque of a spring beyond the usual torque
+_LEAST = 0.5  # [N·m], least torque of a spring beyond the usual torque
 _INERTIA_SHARE = 0.5  # least torque of a spring as a share of the torque of inertia, whose error is smaller
 
 
 def hard_stop(angle: np.ndarray, acceleration: np.ndarray, reach: int) -> np.ndarray:
     """Mark samples around an impact, and those with the joint as far as at the impact; mask ``(n,)``.
 
-    ``angle`` in [rad], shape ``(n,)``. ``acceleration``: its magnitude in [rad] / [s²], shape ``(n,)``.
+    ``angle`` in [rad], shape ``(n,)``. ``acceleration``: its magnitude in [rad/s²], shape ``(n,)``.
     ``reach``: samples before and after an impact over which the filter spreads it.
     """
     hit = acceleration > _IMPACT
@@ -64,15 +64,15 @@ def soft_stop(
 ) -> np.ndarray:
     """Mark samples at which a spring brakes the joint at an end of its range; mask ``(n,)``.
 
-    ``angle`` in [rad], shape ``(n,)``. ``velocity`` in [rad] / [s]. ``torque``: balance of torques without
-    the stop in [N m]. ``inertial``: torque of inertia in this balance in [N m].
+    ``angle`` in [rad], shape ``(n,)``. ``velocity`` in [rad/s]. ``torque``: balance of torques without
+    the stop in [N·m]. ``inertial``: torque of inertia in this balance in [N·m].
     """
     stopped = np.zeros(len(angle), dtype=bool)
     for direction in (1.0, -1.0):
-        place = direction * angle
-        contact = _contact(place, direction * velocity, direction * torque, np.abs(inertial))
+        position = direction * angle
+        contact = _contact(position, direction * velocity, direction * torque, np.abs(inertial))
         if contact is not None:
-            stopped |= place > place[contact] - _MARGIN
+            stopped |= position > position[contact] - _MARGIN
     return stopped
 
 

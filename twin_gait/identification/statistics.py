@@ -28,15 +28,15 @@ class Goodness:
     sse: float  # sum of squared residuals in [N² m²]
     r_squared: float  # 1 - SSE/SST about the mean; negative if the mean alone is better
     adjusted_r_squared: float  # the same per degree of freedom
-    rmse: float  # sqrt(SSE/n) in [N m]
-    residual_standard_error: float  # sqrt(SSE/(n - p)) in [N m], called RMSE in MATLAB's fits
+    rmse: float  # sqrt(SSE/n) in [N·m]
+    residual_standard_error: float  # sqrt(SSE/(n - p)) in [N·m], called RMSE in MATLAB's fits
     aic: float  # Akaike's criterion of normal residuals, up to a constant of the samples
     # Bayesian criterion. Both criteria treat the samples as independent, which filtered samples are not.
     bic: float
 
 
 def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Goodness:
-    """Compute the goodness of a fit from measured torques and residuals in [N m], shape ``(n,)``.
+    """Compute the goodness of a fit from measured torques and residuals in [N·m], shape ``(n,)``.
 
     ``parameters``: number of parameters of the fit.
     """
@@ -68,7 +68,7 @@ class CrossValidation:
 
     left_out: str  # ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
     folds: int  # number of folds
-    rmse: float  # error over all samples, each predicted by the fit without it, in [N m]
+    rmse: float  # error over all samples, each predicted by the fit without it, in [N·m]
 
 
 def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> dict[str, np.ndarray]:
@@ -164,8 +164,8 @@ def block_indices(test: np.ndarray) -> np.ndarray:
     """Return the number of the block of each sample: its test, or a part of it if there are few tests."""
     _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
     pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
-    place = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]
-    return np.asarray(index * pieces + place * pieces // lengths[index])
+    position = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]
+    return np.asarray(index * pieces + position * pieces // lengths[index])
 
 
 def _draws(
@@ -268,8 +268,8 @@ def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[s
         for j in range(i)
         if abs(correlations[i, j]) > _CORRELATED
     ]
-    found += [f"{names[place]} lies on its bound; its interval is no estimate" for place in fit.at_bound]
+    found += [f"{names[index]} is at its bound; its interval is not valid" for index in fit.at_bound]
     power = (fit.model.predict(fit.x, samples) * samples.velocity)[samples.used]
     if not fit.model.needs and (power < -1e-9).mean() >= 1e-3:  # friction must take power from the joint
-        found.append("the law drives the joint in some of the samples; --physical forbids that")
+        found.append("the law drives the joint in some of the samples; --physical excludes such parameters")
     return found

@@ -163,7 +163,7 @@ def draw_fits(result: Identification) -> Figure:
     shown = _shown(samples)
     velocity, low, high = samples.velocity[shown], samples.velocity.min(), samples.velocity.max()
     figure = Figure(figsize=(12.0, 5.2), layout="constrained")
-    figure.suptitle(f"Friction · best: {name_to_words(best.name)}, RMSE {best.goodness.rmse:.3g} N m")
+    figure.suptitle(f"Friction · best: {name_to_words(best.name)}, RMSE {best.goodness.rmse:.3g} N·m")
     panels = figure.subplots(1, 2, sharey=True)
     best_last = list(zip(result.models, _COLOURS, strict=False))[::-1]
     for axes, (title, share) in zip(panels, _PANELS.items(), strict=True):
@@ -173,7 +173,7 @@ def draw_fits(result: Identification) -> Figure:
             axes.plot(velocity, predicted, ".", color=colour, markersize=1.5, label=name_to_words(item.name))
         axes.set_xlim(share * min(low, 0.0), share * max(high, 0.0))
         axes.set_xlabel("velocity [rad/s]")
-        style_panel(axes, title, "friction torque [N m]")
+        style_panel(axes, title, "friction torque [N·m]")
     panels[0].legend(fontsize="small", frameon=False, loc="upper left", markerscale=4.0, reverse=True)
     return figure
 
@@ -188,7 +188,7 @@ def draw_residuals(result: Identification) -> Figure:
     samples, best = result.samples.used_only(), result.models[0]
     known = {
         "velocity [rad/s]": samples.velocity,
-        "load torque [N m]": samples.load,
+        "load torque [N·m]": samples.load,
         "joint angle [rad]": samples.angle,
         "time in the test [s]": samples.time,
         "temperature [°C]": samples.temperature,
@@ -202,5 +202,5 @@ def draw_residuals(result: Identification) -> Figure:
         middle, edges, _ = binned_statistic(values, best.residuals, "median", bins=_BINS)
         axes.stairs(middle, edges, baseline=None, color=BLACK, linewidth=1.6, zorder=3.0)
         axes.set_xlabel(label)
-        style_panel(axes, "", "residual [N m]")
+        style_panel(axes, "", "residual [N·m]")
     return figure

@@ -1,8 +1,8 @@
 """Generator of the rigid-body dynamics of one model as straight-line Python.
 
-The generic algorithms of :mod:`twin_gait.kernels.rigid_body` run once over symbols. Topology, axes and
-structural zeros are folded into the text; masses, inertias, lengths and armature stay inputs, so that
-another wearer needs no new kernel.
+The generic algorithms of :mod:`twin_gait.kernels.rigid_body` run once over symbols, and the operations are
+written as text. Topology, axes and structural zeros are constants of the text. Masses, inertias, lengths and
+armatures are inputs, so that another wearer needs no new kernel.
 
 Straight-line code runs five to ten times faster than loops, but its text grows with the square of the number
 of joints, and the time to compile grows even faster: models of more than :data:`STRAIGHT_LINE_LIMIT` joints
@@ -32,8 +32,8 @@ from twin_gait.kernels.tracing import (
 )
 from twin_gait.leg_model.bodies import BodyArrays
 
-# Largest number of joints. The function ``dynamics`` alone compiles in 0.5 s for 2 joints, 14 s for 16 and
-# 100 s for 32. Two legs with ankles on a pelvis in a harness have 8 joints, and with a wearer in braces 16.
+# Largest number of joints of a model. The function ``dynamics`` alone compiles in 0.5 s for 2 joints, 14 s
+# for 16 and 100 s for 32. Two legs with ankles on a pelvis in a harness have 8 joints, in braces 16.
 STRAIGHT_LINE_LIMIT = 16
 
 POINT_FIELDS = tuple(item.name for item in fields(ContactState))
@@ -80,13 +80,13 @@ def _symbolic_body(body: BodyArrays, symbols: Sequence[Any]) -> BodyArrays:
 
 
 def _values_of(bodies: Bodies, points: Points) -> list[float]:
-    """Return all numbers that a kernel may read, in its order; zeros are folded into the text."""
+    """Return all numbers that a kernel may read, in its order; zeros are constants of its text."""
     values = [value for body in bodies for value in _numbers_of(body)]
     return values + [value for point in points for value in point.position]
 
 
 def body_values(bodies: Bodies, points: Points = ()) -> list[float]:
-    """Return the run-time inputs of a kernel in the order of their use, without structural zeros."""
+    """Return the run-time inputs of a kernel in its order, without structural zeros."""
     return [value for value in _values_of(bodies, points) if value != 0.0]
 
 
@@ -102,13 +102,13 @@ class KernelBodies(NamedTuple):
 
 
 class _Function:
-    """Function of a kernel during its generation: its inputs as symbols, and the lines so far."""
+    """Function of a kernel during its generation: its inputs as symbols, and the operations so far."""
 
     def __init__(self, bodies: Bodies, points: Points = (), up_axis: str = "z") -> None:
-        self.trace, places = Trace(), count()
+        self.trace, indices = Trace(), count()
 
         def symbol(value: float) -> Scalar:
-            return self.trace.input(f"bodies[{next(places)}]") if value != 0.0 else 0.0
+            return self.trace.input(f"bodies[{next(indices)}]") if value != 0.0 else 0.0
 
         self.bodies = [_symbolic_body(body, [*map(symbol, _numbers_of(body))]) for body in bodies]
         self.points = [point._replace(position=vector([*map(symbol, point.position)])) for point in points]
@@ -120,9 +120,9 @@ class _Function:
         return vector([self.trace.input(f"{name}[{index}]") for index in range(len(self.bodies))])
 
     def note(self, comment: str, quantity: str, body: BodyArrays | None) -> None:
-        """Begin a step of an algorithm for a body, or for the world."""
-        place = body.name if body else ""
-        self.trace.block = TraceStep(f"{comment}: {place}." if place else f"{comment}.", quantity, place)
+        """Start a step of an algorithm, with a comment: for a body, or None for the world."""
+        name = body.name if body else ""
+        self.trace.block = TraceStep(f"{comment}: {name}." if name else f"{comment}.", quantity, name)
 
     @property
     def gravity(self) -> Vector:
@@ -131,7 +131,7 @@ class _Function:
         return vector([0.0, 0.0, down] if self._up_axis == "z" else [0.0, down, 0.0])
 
     def contact_law(self, sloped: bool) -> rigid_body.ContactLaw:
-        """Return a contact law that calls the one in core; it returns forces, height and power."""
+        """Return a law that calls the contact law in core; it returns forces, height and power of a point."""
         sine: Any = self.trace.input("ground.slope_sine")
         cosine: Any = self.trace.input("ground.slope_cosine")
 
@@ -141,10 +141,10 @@ class _Function:
             )
 
         def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-            place, speed = (position[0], position[2]), (velocity[0], velocity[2])
-            height = place[1]
+            point, speed = (position[0], position[2]), (velocity[0], velocity[2])
+            height = point[1]
             if sloped:
-                forward, upward, height = sloped_contact_force(sine, cosine, place, speed, press)
+                forward, upward, height = sloped_contact_force(sine, cosine, point, speed, press)
             else:
                 forward, upward = press(height, *speed)
             return [forward, upward, height, forward * velocity[0] + upward * velocity[2]]
@@ -164,7 +164,7 @@ class _Function:
         for item in MERGED_FUNCTIONS:
             body = merge_calls(body, item.name, item.shared)
         lines = inline_single_uses(body, {scalar_source(value) for value in outputs})
-        lines += [f"{place} = {scalar_source(value)}" for place, value in stores]
+        lines += [f"{target} = {scalar_source(value)}" for target, value in stores]
         if returned:
             lines.append(f"return {', '.join(scalar_source(value) for value in returned)}")
         lines = rename_results(lines, self.trace)
@@ -245,12 +245,12 @@ def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
 
 def write_control_inertia(bodies: Bodies) -> str:
     """Return the source of ``control_inertia``."""
-    made, places = _Function(bodies), range(len(bodies))
+    made, indices = _Function(bodies), range(len(bodies))
     lower, a = rigid_body.mass_matrix(made.bodies, made.inputs("q"), made.note), made.inputs("a")
     torques: list[Scalar] = []
-    for i in places:
+    for i in indices:
         made.note("Torque", "torque", bodies[i])
-        torques.append(vector([lower[max(i, j)][min(i, j)] for j in places]) @ a)
+        torques.append(vector([lower[max(i, j)][min(i, j)] for j in indices]) @ a)
     signature = "control_inertia(q, a, bodies, torque)"
     return made.source(signature, "Compute the inertia torques.", _stores("torque", torques))
 
@@ -271,17 +271,20 @@ def write_kernel(kernel: KernelBodies) -> str:
 
 
 def write_merged_functions(text: str) -> list[str]:
-    """Return the sources of the functions that a kernel calls for several items at once, as single calls."""
+    """Return the sources of the functions that a kernel calls for several items at once, as single calls.
+
+    ``text``: text of the kernel, from which the numbers of items are read.
+    """
     found = []
     for item in MERGED_FUNCTIONS:
         for calls in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
             given = list(inspect.signature(item.function).parameters)
             common, each = given[: item.shared], given[item.shared :]
-            own = [[f"{name}_{number + 1}" for name in each] for number in range(calls)]
+            arguments = [[f"{name}_{number + 1}" for name in each] for number in range(calls)]
             results = [[f"{name}_{number + 1}" for name in item.results] for number in range(calls)]
-            lines = [f"def {item.name}_{calls}({', '.join([*common, *chain(*own)])}):"]
+            lines = [f"def {item.name}_{calls}({', '.join([*common, *chain(*arguments)])}):"]
             lines.append(f'    """Call {item.name} {calls} times."""')
-            for left, right in zip(results, own, strict=True):
+            for left, right in zip(results, arguments, strict=True):
                 lines.append(f"    {', '.join(left)} = {item.name}({', '.join(common + right)})")
             lines.append(f"    return {', '.join(chain(*results))}")
             found.append("\n".join(lines) + "\n")
@@ -289,15 +292,15 @@ def write_merged_functions(text: str) -> list[str]:
 
 
 def kernel_key(kernel: KernelBodies) -> str:
-    """Return the data that determine the text of :func:`write_kernel`, in a hundredth of its time.
+    """Return a key of the data that determine the text of :func:`write_kernel`, in a hundredth of its time.
 
     Raises ModelError if the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
     """
     bodies, points, control_bodies, up_axis, guides, sloped = kernel
     if len(bodies) > STRAIGHT_LINE_LIMIT:
         raise ModelError(
-            f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "
-            f"takes at most {STRAIGHT_LINE_LIMIT}; use engine: pinocchio"
+            f"the model has {len(bodies)} joints, those in braces counted twice, but the compiled engine "
+            f"supports at most {STRAIGHT_LINE_LIMIT}; set engine: pinocchio"
         )
     return repr(
         (_topology_key(bodies, points), _topology_key(control_bodies), up_axis, tuple(guides), sloped)

@@ -65,12 +65,12 @@ class GroundContacts:
         power = fx = fy = fz = mx = my = mz = 0.0
         for number, (x, y, z) in enumerate(foot.points, start=foot.first):
             point = points[number]
-            place = ahead + r00 * x + r01 * y + r02 * z, height + r20 * x + r21 * y + r22 * z
+            position = ahead + r00 * x + r01 * y + r02 * z, height + r20 * x + r21 * y + r22 * z
             ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
             forward = r00 * ux + r01 * uy + r02 * uz
             upward = r20 * ux + r21 * uy + r22 * uz
             along, up, point.height = sloped_contact_force(
-                ground.slope_sine, ground.slope_cosine, place, (forward, upward), press
+                ground.slope_sine, ground.slope_cosine, position, (forward, upward), press
             )
             point.forward, point.upward = along, up
             power += along * forward + up * upward
@@ -91,10 +91,10 @@ class PinocchioKernel:
 
     def __init__(self, world: World, control_model: LegModel) -> None:
         """Store the models of a world and of its controller."""
-        own, self._control = world.model.nv, control_model
+        width, self._control = world.model.nv, control_model
         self._contacts = GroundContacts(world)
         airborne = [zero_forces(chain.model) for chain in world.chains[:-1]]
-        parts = [slice(own * number, own * (number + 1)) for number in range(len(world.chains))]
+        parts = [slice(width * number, width * (number + 1)) for number in range(len(world.chains))]
         self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
         self._moved = [chain.model.copy() for chain in world.chains]  # The inertias of their rotors change.
         self._guided = world.model.pelvis_index is not None

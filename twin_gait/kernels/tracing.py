@@ -185,10 +185,10 @@ def rename_results(lines: Sequence[str], trace: Trace) -> list[str]:
     for line in lines:
         # Entries of arrays that are read before a step belong to the next line.
         target = _NAME.match(line)
-        if target and (said := trace.blocks[target[0]].comment) != comment:
-            result.append(repr(said))
-            comment = said
-        result.append(_NAME.sub(lambda found: new[found[0]], line))
+        if target and (step := trace.blocks[target[0]].comment) != comment:
+            result.append(repr(step))
+            comment = step
+        result.append(_NAME.sub(lambda match: new[match[0]], line))
     return result
 
 

@@ -138,7 +138,7 @@ def segment_inertia(
 
     ``body_mass`` in [kg]. ``axis``: vector from the proximal to the distal joint in [m], shape ``(3,)``.
     Returns mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia about the
-    centre of mass in [kg m²], shape ``(3, 3)``.
+    centre of mass in [kg·m²], shape ``(3, 3)``.
     """
     mass = segment.mass * body_mass
     length = float(np.linalg.norm(axis))

@@ -143,9 +143,9 @@ class Assembly:
             self._append_trunk(patient)
 
     def set_gravity_and_armature(self, gravity: float, armature: Mapping[JointName, float]) -> None:
-        """Set gravity in [m] / [s²], downwards, and the inertia of rotors and gears.
+        """Set gravity in [m/s²], downwards, and the inertia of rotors and gears.
 
-        ``armature``: inertia per joint name in [kg m²]; 0 if absent.
+        ``armature``: inertia per joint name in [kg·m²]; 0 if absent.
         """
         values = np.zeros(self.model.nv)
         for leg in self.legs.values():
@@ -173,7 +173,8 @@ class Assembly:
             for kind, name, part in parts:
                 if name not in known[kind]:
                     has = ", ".join(known[kind]) or f"no {kind}s"
-                    raise ModelError(f"{self._path}: no {kind} {name!r} for the {part}; it has {has}")
+                    problem = f"there is no {kind} {name!r} for the {part}; the file has {has}"
+                    raise ModelError(f"{self._path}: {problem}")
                 if (kind, name) in taken:
                     both = f"both {taken[kind, name]} and {part}"
                     raise ModelError(f"{self._path}: {kind} {name!r} is {both}")
@@ -183,15 +184,15 @@ class Assembly:
                 if above and above not in on:
                     has = ", ".join(on) or "no joint"
                     raise ModelError(
-                        f"{self._path}: {kind} {name!r} of the {part} does not hang on {above!r}; from the "
-                        f"root on it has {has}"
+                        f"{self._path}: {kind} {name!r} of the {part} is not below {above!r}; the joints "
+                        f"above it are {has}"
                     )
                 taken[kind, name], above = part, name if kind == "joint" else above
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
-        wanted = {name for leg in self.legs.values() for _, name in leg.items()}
-        wanted |= {*ALL_GUIDES, "universe"}
-        locked = [model.getJointId(name) for name in model.names if name not in wanted]
+        kept = {name for leg in self.legs.values() for _, name in leg.items()}
+        kept |= {*ALL_GUIDES, "universe"}
+        locked = [model.getJointId(name) for name in model.names if name not in kept]
         return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
     def _check_joint(self, name: str, *, first: bool) -> None:
@@ -210,8 +211,8 @@ class Assembly:
             problem = f"can turn from {low:g} to {high:g} rad; expected lower below upper in its <limit>"
         elif LARGEST_LIMIT < max(-low, high) <= math.degrees(LARGEST_LIMIT):
             problem = (
-                f"can turn by {max(-low, high):g} rad; expected radians in its <limit>, and a joint without "
-                "stops to be continuous"
+                f"can turn by {max(-low, high):g} rad; expected radians in its <limit>, and the type "
+                "continuous for a joint without stops"
             )
         else:
             return

@@ -24,8 +24,8 @@ class BodyArrays(NamedTuple):
     rotation: Any  # rotation of the joint frame in the parent frame at zero, shape ``(3, 3)``
     position: Any  # position of the joint frame in the parent frame in [m], shape ``(3,)``
     mass: Any  # mass in [kg]
-    first_moment: Any  # mass times centre of mass in the joint frame in [kg m], shape ``(3,)``
-    inertia: Any  # inertia about the joint frame's origin in [kg m²], shape ``(3, 3)``
+    first_moment: Any  # mass times centre of mass in the joint frame in [kg·m], shape ``(3,)``
+    inertia: Any  # inertia about the joint frame's origin in [kg·m²], shape ``(3, 3)``
     armature: Any  # inertia of the rotor at the joint
     name: str = ""  # name of the joint, from which a kernel names its results
 

@@ -105,13 +105,13 @@ def reversed_joints(
         if not sign and flexes < -_SIDEWAYS:
             sign = "-"
             problem = (
-                f"positive {name} extends the {joint}, so it is taken as -{name}; write {joint}: -{name} "
-                f"to say so, or +{name} to keep it"
+                f"positive {name} extends the {joint}, so its sign is inverted; write {joint}: -{name} to "
+                f"confirm this, or +{name} to keep the sign"
             )
         elif not sign and flexes <= _SIDEWAYS:
             problem = f"{name} has no axis from left to right; see leg.up_axis, or write +{name}"
         elif sign == "-" and flexes > _SIDEWAYS:
-            problem = f"positive {given} extends the {joint}; write {name} unless that is meant"
+            problem = f"positive {given} extends the {joint}; write {name} unless this is intended"
         if sign == "-":
             found.add(name)
         if problem:

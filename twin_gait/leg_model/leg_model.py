@@ -64,8 +64,8 @@ class LegModel:
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia, waist and foot to the wearer's size.
             pelvis: Guide of the pelvis.
-            armature: Rotor and gear inertia at the joint per joint name in [kg m²]; 0 if absent.
-            gravity: Magnitude in [m] / [s²].
+            armature: Rotor and gear inertia at the joint per joint name in [kg·m²]; 0 if absent.
+            gravity: Magnitude in [m/s²].
             up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
             bodies: Whether the model contains device and wearer or only one of them. In each case its joints
                 are those of the device fitted to the wearer; a model of the wearer alone has no rotors.
@@ -112,10 +112,10 @@ class LegModel:
 
         Raises ModelError if the leg has no such joint.
         """
-        place = self._indices.get((side, joint))
-        if place is None:
+        index = self._indices.get((side, joint))
+        if index is None:
             raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}; legs: {', '.join(self.legs)}")
-        return place
+        return index
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
         """Return the lower and upper limit of a joint from the URDF in [rad]."""
@@ -123,35 +123,35 @@ class LegModel:
         return float(self.model.lowerPositionLimit[index]), float(self.model.upperPositionLimit[index])
 
     def effort_limit(self, side: Side, joint: JointName) -> float:
-        """Return the effort limit of a joint from the URDF in [N m], infinite if the file states none."""
+        """Return the effort limit of a joint from the URDF in [N·m], infinite if the file states none."""
         return float(self.model.effortLimit[self.index(side, joint)]) or math.inf
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
-        """Compute the torques :math:`g(q)` that balance gravity, in [N m] ([N] at the pelvis)."""
+        """Compute the torques :math:`g(q)` that balance gravity, in [N·m] ([N] at the pelvis)."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """Compute the inertia :math:`M(q)` with armature, in [kg m²], shape ``(nv, nv)``, symmetric."""
+        """Compute the inertia :math:`M(q)` with armature, in [kg·m²], shape ``(nv, nv)``, symmetric."""
         return np.array(pin.crba(self.model, self.data, q))
 
     def inertia_torque(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        r"""Compute the torques of inertia in [N m]: :math:`M(q)\,\ddot q`, armature included."""
+        r"""Compute the torques of inertia in [N·m]: :math:`M(q)\,\ddot q`, armature included."""
         return np.asarray(self.mass_matrix(q) @ a)
 
     def effective_inertia(self, q: np.ndarray, index: int) -> float:
-        """Compute the effective inertia :math:`M_{jj}` of one joint, all others held, in [kg m²]."""
+        """Compute the effective inertia :math:`M_{jj}` of one joint, all others held, in [kg·m²]."""
         return float(self.mass_matrix(q)[index, index])
 
     def nonlinear_effects(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        r"""Compute Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m]."""
+        r"""Compute Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N·m]."""
         return np.array(pin.nonLinearEffects(self.model, self.data, q, v))
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Compute torques in [N m] for an acceleration, armature included (recursive Newton-Euler)."""
+        """Compute torques in [N·m] for an acceleration, armature included (recursive Newton-Euler)."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
     def forward_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Compute joint accelerations in [rad] / [s²] under torques (articulated-body algorithm)."""
+        """Compute joint accelerations in [rad/s²] under torques (articulated-body algorithm)."""
         return np.asarray(pin.aba(self.model, self.data, q, v, tau))
 
     def kinetic_energy(self, q: np.ndarray, v: np.ndarray) -> float:
@@ -173,7 +173,7 @@ class LegModel:
         for frame in frames:
             if frame not in self._frames and not self.model.existFrame(frame):
                 known = ", ".join(item.name for item in self.model.frames)
-                raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
+                raise ModelError(f"{self.urdf_path}: there is no frame {frame!r}; expected one of {known}")
             index = self._frames.setdefault(frame, self.model.getFrameId(frame))
             found.append(np.array(pin.updateFramePlacement(self.model, self.data, index).translation))
         return found

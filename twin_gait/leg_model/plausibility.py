@@ -60,13 +60,13 @@ def _problem_of(body: pin.Inertia) -> str:
     shown = ", ".join(f"{value:.3g}" for value in (least, middle, largest))
     if largest > mass * LONGEST_SEGMENT**2:
         return (
-            f"has principal moments of inertia of {shown} kg m² at a mass of {mass:g} kg; expected a radius "
+            f"has principal moments of inertia of {shown} kg·m² at a mass of {mass:g} kg; expected a radius "
             f"of gyration of at most {LONGEST_SEGMENT:g} m, so check the units"
         )
     rounding = _ROUNDED_SHARE * largest
     if least < -rounding or largest > least + middle + rounding:
         return (
-            f"has principal moments of inertia of {shown} kg m²; none is below 0, and none of a rigid body "
+            f"has principal moments of inertia of {shown} kg·m²; none is below 0, and none of a rigid body "
             "is above the sum of the other two"
         )
     return ""

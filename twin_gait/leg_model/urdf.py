@@ -28,7 +28,8 @@ def packaged_urdf(name: str) -> Path:
     """
     path = shipped_file(name) if name in PACKAGED_URDFS else None
     if path is None:
-        raise ModelError(f"{name}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}")
+        expected = f"give a path, or one of {', '.join(PACKAGED_URDFS)}"
+        raise ModelError(f"{name}: there is no such URDF file; {expected}")
     return path
 
 
@@ -158,14 +159,14 @@ def capture_stderr() -> Iterator[list[str]]:
     The list is filled when the context ends. The descriptor belongs to the whole process, so only one thread
     at a time may swap it.
     """
-    said: list[str] = []
+    lines: list[str] = []
     with _STDERR_LOCK, contextlib.ExitStack() as restored:
         with contextlib.suppress(OSError):
             saved = os.dup(_STDERR)
             restored.callback(os.close, saved)
             kept = restored.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
-            restored.callback(lambda: said.extend(kept.read().splitlines()))
+            restored.callback(lambda: lines.extend(kept.read().splitlines()))
             restored.callback(kept.seek, 0)  # callbacks run in reverse order, so this runs before the reading
             os.dup2(kept.fileno(), _STDERR)
             restored.callback(os.dup2, saved, _STDERR)
-        yield said
+        yield lines

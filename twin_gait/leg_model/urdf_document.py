@@ -20,7 +20,7 @@ _NOT_NEGATIVE = ("value", "ixx", "iyy", "izz")  # attributes of a mass or an ine
 # Drawing programs export a zero inertia as -5e-20 (iCub's hip); a number that is negative by no more than
 # this is such a zero.
 _ROUNDING = 1e-12
-# No robot has masses in [kg], inertias in [kg m²] or distances in [m] beyond this; squares of them would
+# No robot has masses in [kg], inertias in [kg·m²] or distances in [m] beyond this; squares of them would
 # overflow later on.
 _LARGEST_NUMBER = 1e6
 _MIMIC_DEFAULTS = {"multiplier": "1", "offset": "0"}
@@ -57,7 +57,7 @@ def urdf_text(path: Path) -> str:
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror})") from error
     if data.startswith(GIT_LFS_POINTER):
-        raise ModelError(f"{path}: is a Git LFS pointer instead of the file; fetch it with: git lfs pull")
+        raise ModelError(f"{path}: is a Git LFS pointer instead of the file; get the file with: git lfs pull")
     return _checked_text(path, data)
 
 
@@ -100,19 +100,19 @@ def _check_numbers(path: Path, root: Element) -> None:
     """Check the sign and the size of masses, inertias and distances."""
     for link in root.findall("link"):
         for element in link.iterfind("inertial/*"):
-            place = f"{path}: link {link.get('name')!r}: {element.tag}"
+            location = f"{path}: link {link.get('name')!r}: {element.tag}"
             for key, number in _numbers(element):
                 if abs(number) > _LARGEST_NUMBER:
                     limit = f"at most {_LARGEST_NUMBER:g} in SI units"
-                    raise ModelError(f"{place} {key}: expected {limit}, got {element.get(key)!r}")
+                    raise ModelError(f"{location} {key}: expected {limit}, got {element.get(key)!r}")
                 if key in _NOT_NEGATIVE and number < -_ROUNDING:
-                    raise ModelError(f"{place} {key}: expected 0 or more, got {element.get(key)!r}")
+                    raise ModelError(f"{location} {key}: expected 0 or more, got {element.get(key)!r}")
     for joint in root.findall("joint"):
         for origin in joint.findall("origin"):
             if any(abs(number) > _LARGEST_NUMBER for key, number in _numbers(origin) if key == "xyz"):
                 limit = f"at most {_LARGEST_NUMBER:g} m"
-                place = f"{path}: joint {joint.get('name')!r}: origin xyz"
-                raise ModelError(f"{place}: expected {limit}, got {origin.get('xyz')!r}")
+                location = f"{path}: joint {joint.get('name')!r}: origin xyz"
+                raise ModelError(f"{location}: expected {limit}, got {origin.get('xyz')!r}")
 
 
 def _numbers(element: Element) -> Iterator[tuple[str, float]]:

@@ -79,8 +79,8 @@ def open_bus(name: str) -> can.BusABC:
     try:
         return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
     except Exception as error:  # drivers raise errors of any type
-        wanted = "expected INTERFACE:CHANNEL, such as udp_multicast:239.74.163.2, of a channel that is up"
-        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({one_line(error)}); {wanted}") from error
+        expected = "expected INTERFACE:CHANNEL, such as udp_multicast:239.74.163.2, with a channel that is up"
+        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({one_line(error)}); {expected}") from error
 
 
 def leaves_machine(name: str) -> bool:
@@ -101,8 +101,8 @@ class CanLink:
         ``submit``: function that accepts a message like those of a page.
         """
         self._messages = network_messages(setup.experiment)
-        asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
-        self._commands = {item.identifier: item for item in asked}  # commands of a monitor by identifier
+        on_demand = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
+        self._commands = {item.identifier: item for item in on_demand}  # commands of a monitor by identifier
         self._body_weight = setup.world.body_weight
         self._event_log, self._submit = event_log, submit
         self._blocks: deque[Block] = deque()
@@ -130,7 +130,7 @@ class CanLink:
                 self._send_and_receive()
                 self._submit_commands()
         except Exception:  # drivers raise errors of any type; the terminal shows the traceback
-            self._note("the link to the CAN bus has ended, no frame is sent or heard; start the walk anew")
+            self._note("the link to the CAN bus has ended, no frame is sent or received; restart the walk")
             raise
 
     def _send_and_receive(self) -> None:
@@ -148,7 +148,7 @@ class CanLink:
                 self._receive(message)
         except (can.CanError, OSError) as error:
             self._due.clear()  # set points that wait for the bus would come too late
-            self._note(f"the CAN bus fails, frames are lost: {one_line(error)}")
+            self._note(f"the CAN bus has failed, frames are lost: {one_line(error)}")
             self._closed.wait(PERIOD)
 
     def _note(self, text: str) -> None:
@@ -188,17 +188,15 @@ class CanLink:
         except MessageRejected as error:
             self._note(f"frame ignored: {error}")
             return
-        before, self._last_commands[known.identifier] = (
-            self._last_commands.get(known.identifier, {}),
-            commands,
-        )
+        before = self._last_commands.get(known.identifier, {})
+        self._last_commands[known.identifier] = commands
         self._unsent_commands |= dict(commands.items() - before.items())
 
     def _submit_commands(self) -> None:
         """Submit the stored commands as soon as the previous ones have been answered."""
-        if not self._unsent_commands or not all(coming.done() for coming in self._pending_results):
+        if not self._unsent_commands or not all(result.done() for result in self._pending_results):
             return
         commands, self._unsent_commands = self._unsent_commands, {}
         ordered = sorted(commands, key=MODE.__eq__)  # the mode is last, after its initial values
-        asked = [SetControl(id=USER, user=USER, control=name, value=commands[name]) for name in ordered]
-        self._pending_results = [coming for coming in map(self._submit, asked) if coming is not None]
+        settings = [SetControl(id=USER, user=USER, control=name, value=commands[name]) for name in ordered]
+        self._pending_results = [result for result in map(self._submit, settings) if result is not None]

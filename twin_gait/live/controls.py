@@ -19,7 +19,7 @@ from twin_gait.checking.published_ranges import STIFFNESS_RANGES
 from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.labels import label_of
+from twin_gait.labels import NO_UNIT, label_of
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRejected, Value, check_value
 from twin_gait.simulation.settings import MODES, Settings, first_settings, replace_at_path, value_at_path
 from twin_gait.simulation.simulation_setup import SimulationSetup
@@ -33,9 +33,9 @@ _DEGREE = math.pi / 180.0
 # about the RMSE of the default walk (hip 3.5 deg, knee 5.9 deg); the largest damping is the one with which
 # the damper alone reaches it at this velocity, a tenth of the fastest knee in swing.
 SATURATING_DEFLECTION = 4.0 * _DEGREE  # [rad]
-SATURATING_VELOCITY = 0.5  # [rad] / [s]
+SATURATING_VELOCITY = 0.5  # [rad/s]
 HEADROOM = 1.5  # a range extends at least to this multiple of the largest value of the table
-TORQUE_STEP = 0.05  # [N m], step of the thesis's monitor
+TORQUE_STEP = 0.05  # [N·m], step of the thesis's monitor
 _SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
 
@@ -46,12 +46,12 @@ def action_values(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, V
     """
     spec = next((item for item in specs if item.action == message.action), None)
     if spec is None:
-        raise MessageRejected(f"{message.action}: there is nothing like it in this experiment")
+        raise MessageRejected(f"{message.action}: is not available in this experiment")
     known = {item.name: item for item in spec.fields}
     for name in message.values:
         if name not in known:
             has = ", ".join(known) or "no values"
-            raise MessageRejected(f"{message.action}: no value {name!r}; it has {has}")
+            raise MessageRejected(f"{message.action}: there is no value {name!r}; expected {has}")
     values: dict[str, Value] = {}
     for name, item in known.items():
         fitting = item.choices_by_value.get(str(values.get(item.depends_on)), ())
@@ -62,8 +62,8 @@ def action_values(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, V
 
 def fault_text(values: Mapping[str, Value]) -> str:
     """Return the fault in the fields of the action as text for an experiment."""
-    place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
-    return f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
+    location, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
+    return f"{values['kind']}{f':{location}' if location else ''}@0s{f'={size}' if size else ''}"
 
 
 def action_specs(problem: SimulationSetup) -> Iterator[ActionSpec]:
@@ -71,22 +71,22 @@ def action_specs(problem: SimulationSetup) -> Iterator[ActionSpec]:
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
     joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
     requests = () if modes is None else tuple(modes.requests)
-    places = {
+    locations = {
         str(kind): tuple(dict.fromkeys(kind.location(item.side, item.joint) for item in problem.joints))
         for kind in FaultKind
         if problem.experiment.scenario.grounded or kind is not FaultKind.FOOT_LOAD_STUCK
     }
-    anywhere = tuple(dict.fromkeys(itertools.chain(*places.values())))
-    offered = {"joint": joints, "kind": tuple(places), "place": anywhere, "request": requests}
-    own: dict[str, dict[str, Any]] = {"torque": {"minimum": -limit, "maximum": limit}}
+    anywhere = tuple(dict.fromkeys(itertools.chain(*locations.values())))
+    offered = {"joint": joints, "kind": tuple(locations), "place": anywhere, "request": requests}
+    options: dict[str, dict[str, Any]] = {"torque": {"minimum": -limit, "maximum": limit}}
     for name, choices in offered.items():
-        own[name] = {"choices": choices, "value": next(iter(choices), "")}
-    own["place"] |= {"choices_by_value": places, "depends_on": "kind"}
+        options[name] = {"choices": choices, "value": next(iter(choices), "")}
+    options["place"] |= {"choices_by_value": locations, "depends_on": "kind"}
     for action, shown in _SHOWN["actions"].items():
         if action == ("step" if requests else "request"):  # with modes, requests replace steps by hand
             continue
         given = shown.get("fields", {})
-        fields = tuple(Control(name=name, **field, **own.get(name, {})) for name, field in given.items())
+        fields = tuple(Control(name=name, **field, **options.get(name, {})) for name, field in given.items())
         yield ActionSpec(action=action, **{**shown, "fields": fields})
 
 
@@ -94,18 +94,23 @@ class ControlQuantity(NamedTuple):
     """Parameter of an impedance as a control shows it, or the target torque."""
 
     key: str  # key of its label
-    unit: str  # unit of the control
     scale: float  # SI value of one unit
     step: float  # increment of the control in its unit
     field: str  # field of an impedance; empty for a torque
 
+    @property
+    def unit(self) -> str:
+        """Unit of the control as text; empty for a pure number."""
+        unit = label_of(self.key).display_unit
+        return "" if unit == NO_UNIT else unit
+
 
 QUANTITIES = {
-    "stiffness": ControlQuantity("stiffness_Nm_per_deg", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness"),
-    "damping": ControlQuantity("damping_Nms_per_rad", "Nms/rad", 1.0, 0.5, "damping"),
-    "equilibrium": ControlQuantity("equilibrium_deg", "deg", _DEGREE, 0.5, "equilibrium_angle"),
-    "gain": ControlQuantity("friction_compensation_gain", "", 1.0, 0.01, "friction_compensation_gain"),
-    "torque": ControlQuantity("target_torque_Nm", "Nm", 1.0, TORQUE_STEP, ""),
+    "stiffness": ControlQuantity("stiffness_Nm_per_deg", 1.0 / _DEGREE, 0.05, "stiffness"),
+    "damping": ControlQuantity("damping_Nms_per_rad", 1.0, 0.5, "damping"),
+    "equilibrium": ControlQuantity("equilibrium_deg", _DEGREE, 0.5, "equilibrium_angle"),
+    "gain": ControlQuantity("friction_compensation_gain", 1.0, 0.01, "friction_compensation_gain"),
+    "torque": ControlQuantity("target_torque_Nm", 1.0, TORQUE_STEP, ""),
 }
 
 
@@ -164,7 +169,7 @@ class ControlPanel:
     def _values(self, settings: Settings) -> dict[str, Value]:
         shown = {name: binding.read(settings) for name, binding in self._bindings.items()}
         rows = settings.setup.phase_rows  # with damping ratios resolved
-        return shown | {name: float(rows[place]) for name, place in self._dampings.items()}
+        return shown | {name: float(rows[index]) for name, index in self._dampings.items()}
 
     def _own_bindings(self) -> Iterator[Binding]:
         """Yield the controls of mode, manual steps and adjustable values of the world."""
@@ -183,15 +188,15 @@ class ControlPanel:
         """Yield the controls of every phase and joint; phases that differ by side have their own controls."""
         table, sides = self.preset.table, self.problem.sides
         for number, phase in enumerate(table.phases):
-            own = [side for side in sides if phase in table.side_phases.get(side, {})]
-            common = [side for side in sides if side not in own][:1]
-            for place, joint in enumerate(table.joints):
-                for side in (*common, *own):
-                    only = side if side in own else None
+            separate = [side for side in sides if phase in table.side_phases.get(side, {})]
+            common = [side for side in sides if side not in separate][:1]
+            for joint_index, joint in enumerate(table.joints):
+                for side in (*common, *separate):
+                    only = side if side in separate else None
                     phases = f"side_phases.{only}" if only else "phases"
                     name = f"{only}.{phase}.{joint}" if only else f"{phase}.{joint}"
                     path = f"experiment.table.{phases}.{phase}.joints.{joint}"
-                    column = COLUMNS_PER_JOINT * place + DAMPING
+                    column = COLUMNS_PER_JOINT * joint_index + DAMPING
                     self._dampings[f"{name}.damping"] = sides.index(side), number, column
                     yield from self._joint_bindings(name, path, joint, side=only, phase=phase)
 
@@ -214,8 +219,8 @@ class ControlPanel:
                 group="table" if phase else "monitor", kind="number", unit=shown.unit, minimum=least,
                 maximum=largest, step=shown.step, phase=phase, joint=joint, side=side,
             )  # fmt: skip
-            place = f"{path}.{shown.field}" if shown.field else f"torques.{side}_{joint}"
-            yield Binding(control, place, shown.scale)
+            value_path = f"{path}.{shown.field}" if shown.field else f"torques.{side}_{joint}"
+            yield Binding(control, value_path, shown.scale)
 
     def control_range(self, quantity: str, joint: JointName) -> tuple[float, float]:
         """Return the smallest and the largest value of a quantity of a joint in the unit of the control.
@@ -233,17 +238,18 @@ class ControlPanel:
         if quantity == "gain":
             return 0.0, 1.0
         table = self.preset.table
-        place = COLUMNS_PER_JOINT * table.joints.index(joint) + _COLUMNS[quantity]
-        own = self.problem.phase_rows[..., place].ravel()  # values scaled to the wearer
+        column = COLUMNS_PER_JOINT * table.joints.index(joint) + _COLUMNS[quantity]
+        values = self.problem.phase_rows[..., column].ravel()  # values scaled to the wearer
         if quantity == "stiffness":
             sides = (table.phases, *table.side_phases.values())
-            own = np.append(own, [one.joints[joint].stiffness for phases in sides for one in phases.values()])
+            given = [one.joints[joint].stiffness for phases in sides for one in phases.values()]
+            values = np.append(values, given)
         if quantity == "equilibrium":
-            angles = np.append(own, self._stops[joint]) / _DEGREE
+            angles = np.append(values, self._stops[joint]) / _DEGREE
             beyond = limit / STIFFNESS_RANGES[joint].high
             return math.floor(angles.min() - beyond), math.ceil(angles.max() + beyond)
         error = SATURATING_DEFLECTION if quantity == "stiffness" else SATURATING_VELOCITY
-        largest = max(limit / error, HEADROOM * own.max())
+        largest = max(limit / error, HEADROOM * values.max())
         return 0.0, math.ceil(largest / QUANTITIES[quantity].scale)
 
     # ------------------------------------------------------------------ setting
@@ -276,7 +282,7 @@ class ControlPanel:
 
     def _control(self, name: str) -> Control:
         if name not in self._bindings:
-            raise MessageRejected(f"control: no {short(name)}; the state lists them all")
+            raise MessageRejected(f"control: there is no {short(name)}; the state contains all controls")
         return self._bindings[name].control
 
     def _apply_changes(self, changes: Mapping[str, Value]) -> Settings:

@@ -89,12 +89,12 @@ def split_walks(chunks: Iterable[LogChunk], max_ticks: int) -> Iterator[LogChunk
     for walk in (join_chunks(part) for part in parts if part):
         ticks = len(walk.rows)
         if ticks and walk.status is RunStatus.COMPLETED and ticks < max_ticks:
-            how = (
+            cause = (
                 "stopped at"
                 if walk.is_last
-                else "the process of the walk died, or could not write; it is kept up to"
+                else "the process of the walk ended, or could not write; the walk is saved up to"
             )
-            yield replace(walk, status=RunStatus.INTERRUPTED, reason=f"{how} {ticks * TICK:.3f} s")
+            yield replace(walk, status=RunStatus.INTERRUPTED, reason=f"{cause} {ticks * TICK:.3f} s")
         elif ticks:
             yield walk
 
@@ -110,7 +110,7 @@ def lock_journal(journal: Path) -> Iterator[None]:
     except OSError as error:
         raise RunDirectoryError(f"{journal}: cannot be used ({error.strerror})") from error
     if held is None:
-        raise RunDirectoryError(f"{journal}: its walk is still going on, or being written")
+        raise RunDirectoryError(f"{journal}: its walk is still running, or is being written")
     try:
         yield
     finally:
@@ -134,16 +134,13 @@ class Journal:
         RunDirectoryError if the file cannot be created.
         """
         self.path = journal_path(Path(setup["folder"]))
-        self._columns, self._on_write_error, self._resources = (
-            list(columns),
-            on_write_error,
-            contextlib.ExitStack(),
-        )
+        self._columns, self._on_write_error = list(columns), on_write_error
+        self._resources = contextlib.ExitStack()
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self.path.touch(mode=0o600, exist_ok=False)
         except OSError as error:
-            raise RunDirectoryError(f"{self.path}: cannot be made ({error.strerror})") from error
+            raise RunDirectoryError(f"{self.path}: cannot be created ({error.strerror})") from error
         schema = pa.schema([(name, pa.float64()) for name in columns], metadata={_SETUP: json.dumps(setup)})
         options = pa.ipc.IpcWriteOptions(compression="zstd", use_threads=False)
         self._resources.enter_context(lock_journal(self.path))
@@ -185,7 +182,7 @@ class Journal:
             self._stream.write_batch(batch, custom_metadata={_CHUNK_KEY: news})
         except (OSError, pa.ArrowException) as error:
             self._stream = None
-            self._on_write_error(f"{self.path}: cannot be written any more ({one_line(error)})")
+            self._on_write_error(f"{self.path}: can no longer be written ({one_line(error)})")
 
 
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[LogChunk]]:
@@ -199,7 +196,7 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[
         stream = pa.ipc.open_stream(pa.OSFile(str(path), "rb"))
         setup = json.loads(stream.schema.metadata[_SETUP])
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
-        raise RunDirectoryError(f"{path}: is no journal of a walk ({one_line(error)})") from error
+        raise RunDirectoryError(f"{path}: is not a journal of a walk ({one_line(error)})") from error
     return setup, tuple(stream.schema.names), _read_chunks(stream)
 
 
@@ -228,7 +225,7 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
         problem = replace(build_setup(replace(experiment, controller=None)), experiment=experiment)
         if columns != log_layout(problem).names:
             raise RunDirectoryError(
-                f"{journal}: its log has other columns than this version writes; use the version that made it"
+                f"{journal}: its log has other columns than this version; use the version that wrote it"
             )
         walks, done = list(split_walks(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
         for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):

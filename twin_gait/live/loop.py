@@ -89,18 +89,16 @@ class LiveLoop:
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # returns the next command, or None, immediately
     send: Callable[[Mapping[str, Any]], None]  # sends telemetry or an answer; returns immediately
-    store_chunk: Callable[
-        [LogChunk], None
-    ]  # stores a chunk of the walk, the last one marked; returns immediately
+    # stores a chunk of the walk, the last one marked; returns immediately
+    store_chunk: Callable[[LogChunk], None]
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin the first walk."""
         self._longest = self.run.setup.experiment.n_ticks
         self._ended = self.paused = False
-        self._all_changes: Mapping[
-            str, Any
-        ] = {}  # all changes from the preset, in the form of an event's ``set``
+        # all changes from the preset, in the form of an event's ``set``
+        self._all_changes: Mapping[str, Any] = {}
         self._begin()
 
     def _begin(self) -> None:
@@ -194,7 +192,7 @@ class LiveLoop:
         """Execute a command, and record it as an event; return the fields of its answer, such as ``text``."""
         name, run = command["command"], self.run
         if name in RECORDED and self._script_length > LONGEST_SCRIPT:
-            raise ParameterError(f"{name}: too many events in one walk; restart")
+            raise ParameterError(f"{name}: there are too many events in one walk; restart the walk")
         if name in ("walk", "push", "fault", "step", "request"):
             self._require_walking(name)
         match name:
@@ -229,7 +227,7 @@ class LiveLoop:
                 run.push(names.index(joint), torque, to_ticks(duration))
                 push = {"joint": joint, "torque_Nm": torque, "duration_ms": to_ticks(duration)}
                 self._record(command, push=push)
-                return {"text": f"push {joint}: {torque:g} Nm for {duration:g} s"}
+                return {"text": f"push {joint}: {torque:g} N·m for {duration:g} s"}
             case "fault":
                 fault = parse_fault(command["fault"])
                 run.inject(fault)
@@ -237,7 +235,8 @@ class LiveLoop:
                 return {"text": f"fault {command['fault'].partition('@')[0]}"}
             case "step":
                 if not run.waiting_legs():
-                    raise ParameterError("step: no leg waits for one; switch steps by hand on, and wait")
+                    remedy = "switch steps by hand on, and wait until a leg waits for its step"
+                    raise ParameterError(f"step: no leg waits for a step; {remedy}")
                 run.release()
                 self._record(command, step=True)
         return {"text": name}
@@ -253,7 +252,7 @@ class LiveLoop:
         """Raise ParameterError if the walk is over; in a hold, the supervisor still handles requests."""
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
-            raise ParameterError(f"{name}: the walk is over; restart")
+            raise ParameterError(f"{name}: the walk has ended; restart it")
 
     def _restart(self, command: Command) -> None:
         """Begin a new walk, whose first event contains all changes from the preset."""

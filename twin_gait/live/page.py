@@ -142,7 +142,7 @@ class PanelSocket(GuardedSocket):
             self.send(message)
 
     def send(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Send a message as soon as this panel accepts it; ``key`` as in :meth:`LivePageServer.tell`."""
+        """Send a message as soon as this panel accepts it; ``key`` as in :meth:`LivePageServer.publish`."""
         text = json.dumps(message, allow_nan=False)
         self.outbox.post([(object() if key is None else key, text)])
 
@@ -247,8 +247,8 @@ class LivePageServer(SceneServer):
         dropped = limit.dropped
         if not stops and not limit.allows(time.monotonic()):
             if not dropped:
-                faster = f"messages of a page come faster than {MOST_MESSAGES} a second"
-                self._session.event_log.emit("refused", f"{faster}: those beyond are dropped", user=user)
+                faster = f"a page sends more than {MOST_MESSAGES} messages per second"
+                self._session.event_log.emit("refused", f"{faster}; the others are dropped", user=user)
             return
         if dropped and not stops:
             limit.dropped = 0
@@ -261,7 +261,7 @@ class LivePageServer(SceneServer):
     async def stop(self) -> bool:
         """Stop the walk; return whether the simulation has confirmed it within ``CONFIRMED_WITHIN``."""
         message = protocol.DoAction(id="stop", user=self._session.user, action="stop")
-        coming = self._session.submit(message)
-        if coming is not None:
-            await asyncio.wait([asyncio.wrap_future(coming)], timeout=CONFIRMED_WITHIN)
-        return coming is not None and coming.done() and coming.result()
+        result = self._session.submit(message)
+        if result is not None:
+            await asyncio.wait([asyncio.wrap_future(result)], timeout=CONFIRMED_WITHIN)
+        return result is not None and result.done() and result.result()

@@ -5,7 +5,7 @@ read from the network. A message to a page is a mapping with a ``kind``:
 
 * ``state``: the panel: all controls and actions with ranges, units and present values;
 * ``frame``: state of the walk at one time, about thirty times a second; a newer frame replaces an older one;
-* ``beat``: heartbeat, ten times a second, also if there is no frame;
+* ``heartbeat``: time since the last message of the simulation, ten times a second, also without frames;
 * ``event``: result of a message, or an action of the simulation itself; no event is dropped.
 """
 
@@ -135,7 +135,7 @@ def read_message(text: str | bytes) -> Message:
     with the reason for any other text.
     """
     if len(text) > LARGEST_MESSAGE:
-        raise MessageRejected(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
+        raise MessageRejected(f"message: expected at most {LARGEST_MESSAGE} characters, got {len(text)}")
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
@@ -224,9 +224,8 @@ class Frame(PageMessage):
 class Heartbeat(PageMessage):
     """Heartbeat with the time since the last message of the process of the simulation."""
 
-    time_since_message_s: (
-        float  # time in [s] since the last message of that process, which sends at least every 0.1 s
-    )
+    # time in [s] since the last message of that process, which sends at least every 0.1 s
+    time_since_message_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,16 +261,16 @@ def check_value(control: Control, value: Value) -> Value:
     Raises MessageRejected if it has the wrong type or is out of range.
     """
     if control.kind == "switch":
-        fits, wanted = isinstance(value, bool), "true or false"
+        fits, expected = isinstance(value, bool), "true or false"
     elif control.kind == "choice":
-        fits, wanted = value in control.choices, " or ".join(map(repr, control.choices))
+        fits, expected = value in control.choices, " or ".join(map(repr, control.choices))
     elif control.kind == "text":
-        fits, wanted = isinstance(value, str), "a text"
+        fits, expected = isinstance(value, str), "a text"
     else:
         assert control.minimum is not None and control.maximum is not None  # numbers have ranges
         fits = isinstance(value, float) and control.minimum <= value <= control.maximum
-        wanted = f"{control.minimum:.6g} to {control.maximum:.6g} {control.unit}".rstrip()
+        expected = f"{control.minimum:.6g} to {control.maximum:.6g} {control.unit}".rstrip()
     if not fits:
         shown = f"{value:.6g}" if isinstance(value, float) else short(value)
-        raise MessageRejected(f"{control.name}: expected {wanted}, got {shown}")
+        raise MessageRejected(f"{control.name}: expected {expected}, got {shown}")
     return value

@@ -72,9 +72,8 @@ class LiveSession:
     can: str | None = None  # name of the CAN bus of the walk for open_bus, or None
     # called if the walk must be compiled first, which takes 10–20 s
     on_compile: Callable[[], None] = lambda: None
-    on_store_failure: Callable[[str], None] = lambda text: (
-        None
-    )  # called with the reason if the walk is not stored
+    # called with the reason if the walk is not stored
+    on_store_failure: Callable[[str], None] = lambda text: None
 
     def __post_init__(self) -> None:
         """Prepare the session; raise MessageRejected if the name of the user is invalid in a message."""
@@ -153,14 +152,14 @@ class LiveSession:
 
     def _report_store_failure(self, why: str) -> None:
         """Report that the walk is no longer stored: in the terminal, the record and the pages."""
-        text = f"the walk is no longer kept: {why}; {self.recovery_hint}"
+        text = f"the walk is no longer saved: {why}; {self.recovery_hint}"
         self.event_log.emit("note", text)
         self.on_store_failure(text)
 
     @property
     def recovery_hint(self) -> str:
         """Command that restores the part of the walk that was stored."""
-        return f"make room, then get what was kept: twin-gait sessions complete {self.folder}"
+        return f"free disk space, then write the saved part with: twin-gait sessions complete {self.folder}"
 
     # ------------------------------------------------------------------ functions for pages
 
@@ -172,10 +171,10 @@ class LiveSession:
         checked = not isinstance(message, DoAction) or message.action in CHECKED
         worker = self._check_executor if checked else self._action_executor
         with contextlib.suppress(RuntimeError):  # the session has been closed
-            coming = worker.submit(self._work, message)
+            result = worker.submit(self._work, message)
             # An unexpected error of the work is an internal error, which is printed.
-            coming.add_done_callback(Future.result)
-            return coming
+            result.add_done_callback(Future.result)
+            return result
         return None
 
     def state(self) -> State:
@@ -221,8 +220,8 @@ class LiveSession:
         old, new = ({item.name: item.value for item in shown} for shown in (self.controls, controls))
         changes = [{"subject": name, "before": old.get(name), "value": new.get(name)} for name in names]
         texts = [_describe_change(name, old.get(name), new.get(name)) for name in names]
-        for place, error in known.items():
-            if place not in self._known_errors:
+        for rule, error in known.items():
+            if rule not in self._known_errors:
                 raise MessageRejected(error)
         if message.kind == "try":
             now = self.walk.send_command({"command": "snapshot"})
@@ -268,6 +267,6 @@ class LiveSession:
 
 def _describe_change(subject: str, before: Value | None, value: Value | None) -> str:
     if subject == EVERYTHING:
-        return "everything as it began"
+        return "reset all parameters"
     shown = (f"{item:.4g}" if isinstance(item, float) else str(item) for item in (before, value))
     return f"{subject}: {' → '.join(shown)}"

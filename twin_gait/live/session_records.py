@@ -127,7 +127,7 @@ def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]
     Raises SessionError if the record cannot be read.
     """
     if not folder.is_dir():
-        raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
+        raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live creates it")
     entries = [read_session(folder, number) for number in reversed(_numbers(folder))]
     chosen = [item for item in entries if user is None or item["user"] == user]
     return [{key: value for key, value in item.items() if key not in _DETAILS} for item in chosen]
@@ -149,7 +149,8 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
             os.close(held)
         text = read_bytes(path, MOST_TEXT).decode(errors="replace")
     except FileNotFoundError:
-        raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all") from None
+        problem = f"there is no session {session}; list all with: twin-gait sessions list"
+        raise SessionError(f"{folder}: {problem}") from None
     except OSError as error:
         raise _unusable(path, error) from error
     found: dict[str, Any] = {"id": session, "status": RUNNING if held is None else KILLED}
@@ -168,7 +169,7 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
         found |= {"changes": responses.count("applied"), "refusals": responses.count("refused")}
         return found | {"versions": len(found["tables"]), "began": found["began"]}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SessionError(f"{path}: is not the record of a session; move it away") from error
+        raise SessionError(f"{path}: is not the record of a session; move it to another folder") from error
 
 
 def add_folders(folder: Path, first: Path, folders: Iterable[Path]) -> None:
@@ -198,5 +199,5 @@ def delete_session(folder: Path, session: int) -> None:
     Raises SessionError if there is no such session, or if it is still going on.
     """
     if read_session(folder, session)["status"] == RUNNING:
-        raise SessionError(f"{folder}: session {session} is going on; end it first")
+        raise SessionError(f"{folder}: session {session} is still running; end it first")
     _file(folder, session).unlink(missing_ok=True)

@@ -178,7 +178,7 @@ class WalkProcess:
         rejects the command.
         """
         if self.process is None or self.process.stdin is None:
-            raise ParameterError("the walk has not begun yet")
+            raise ParameterError("the walk has not started yet")
         with self._lock:
             try:
                 self.process.stdin.write(dump(command) + "\n")
@@ -228,16 +228,17 @@ class WalkProcess:
         before, self._event_log.tick = self.status, max(news["tick"] - 1, 0)
         self.frame = {**news, "tick": self._event_log.tick}
         if self.status != before and self.status in _ENDINGS:
-            told = [event["text"] for event in news["events"]]
-            self._event_log.emit("note", "; ".join([*told, f"{self.status}: restart to walk"]))
+            texts = [event["text"] for event in news["events"]]
+            self._event_log.emit("note", "; ".join([*texts, f"{self.status}: restart to walk"]))
 
     def _note_end(self, status: int) -> None:
         """Process the exit status of the process; a negative one is the signal that killed it."""
         if status != 0:
-            how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
-            self.exit_reason = f"the process of the walk died at {self._event_log.tick * TICK:.1f} s ({how})"
+            cause = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
+            end = self._event_log.tick * TICK
+            self.exit_reason = f"the process of the walk ended unexpectedly at {end:.1f} s ({cause})"
             self.frame = {**self.frame, "status": "died"}
-            self._event_log.emit("note", f"{self.exit_reason}; the walk is kept up to its last second")
+            self._event_log.emit("note", f"{self.exit_reason}; the walk was saved up to its last second")
 
     def blocks(self) -> list[Block]:
         """Return the blocks since the last call in their order, at most those of the last eight seconds."""

@@ -33,7 +33,7 @@ def saturation_cases(
     at the current limit; ``voltage_limited``: the bus voltage drives less current than the target;
     ``saturated``: at least one of the three. Returns booleans, one a tick.
 
-    ``command``: commanded torque before limits in [N m]; ``target_current``: current after torque and current
+    ``command``: commanded torque before limits in [N·m]; ``target_current``: current after torque and current
     limit in [A]; ``current``: current after the voltage limit in [A].
     """
     torque = np.abs(command) > limits.torque
@@ -101,9 +101,9 @@ def changes_at_switches(
     """Compute the largest change of a torque after each switch of phase.
 
     The torque at the tick before the switch is compared with every tick up to the end of the blend.
-    ``torque`` in [N m], shape ``(n,)``; ``switches``: first ticks of new phases, each above 0 and below n,
+    ``torque`` in [N·m], shape ``(n,)``; ``switches``: first ticks of new phases, each above 0 and below n,
     shape ``(m,)``; ``blending_ticks``: length of each blend, or one length for all; 0 without blending.
-    Returns magnitudes in [N m], shape ``(m,)``.
+    Returns magnitudes in [N·m], shape ``(m,)``.
     """
     ends = np.asarray(switches) + blending_ticks + 1
     spans = zip(switches, ends, strict=True)
@@ -139,9 +139,9 @@ def interaction_torque(
 ) -> np.ndarray:
     r"""Compute the torque of the device on the leg at one joint.
 
-    ``motor``: motor torque at the joint in [N m], one value a tick; ``friction``: torque of the friction on
-    the joint in [N m]; ``velocity`` of the joint in [rad] / [s], n at least 2; ``rotor_inertia``: inertia of
-    motor and gear seen at the joint in [kg m²]. Returns the torque in [N m], positive in increasing angle;
+    ``motor``: motor torque at the joint in [N·m], one value a tick; ``friction``: torque of the friction on
+    the joint in [N·m]; ``velocity`` of the joint in [rad/s], n at least 2; ``rotor_inertia``: inertia of
+    motor and gear seen at the joint in [kg·m²]. Returns the torque in [N·m], positive in increasing angle;
     the acceleration is a central difference.
     """
     return np.asarray(motor + friction - rotor_inertia * np.gradient(velocity, tick))
@@ -155,19 +155,19 @@ def root_mean_square(values: np.ndarray) -> float:
 def positive_work(torque: np.ndarray, velocity: np.ndarray, tick: float) -> float:
     r"""Compute the work that a torque puts into the motion, :math:`\int \max(0, \tau\omega)\,dt`.
 
-    ``torque`` in [N m], one value a tick; ``velocity`` in [rad] / [s]. Returns the work in [J].
+    ``torque`` in [N·m], one value a tick; ``velocity`` in [rad/s]. Returns the work in [J].
     """
     return float(np.sum(np.maximum(torque * velocity, 0.0)) * tick)
 
 
-def share_of_work(own: float, other: float) -> float:
+def share_of_work(work: float, other: float) -> float:
     """Compute the share of one of two sources in the positive work of both.
 
-    ``own``: positive work of the one in [J]; ``other``: positive work of the other in [J]. Returns the share
+    ``work``: positive work of the one in [J]; ``other``: positive work of the other in [J]. Returns the share
     in [0, 1]; NaN if neither does any work.
     """
-    total = own + other
-    return own / total if total > 0.0 else math.nan
+    total = work + other
+    return work / total if total > 0.0 else math.nan
 
 
 def opposing_torque(device: np.ndarray, wearer: np.ndarray) -> np.ndarray:
@@ -177,7 +177,7 @@ def opposing_torque(device: np.ndarray, wearer: np.ndarray) -> np.ndarray:
 
         \min(|\tau_d|, |\tau_w|) \quad\text{where their signs differ, else 0}
 
-    ``device`` and ``wearer`` in [N m], shape ``(n,)``. Returns magnitude in [N m], shape ``(n,)``.
+    ``device`` and ``wearer`` in [N·m], shape ``(n,)``. Returns magnitude in [N·m], shape ``(n,)``.
     """
     against = device * wearer < 0.0
     return np.where(against, np.minimum(np.abs(device), np.abs(wearer)), 0.0)

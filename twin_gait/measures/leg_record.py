@@ -21,8 +21,8 @@ def wearer_column(columns: Container[str], side: Side, joint: JointName, quantit
     Where wearer and device are one body, this is the column of the device's joint. ``quantity``:
     ``angle_rad`` or ``velocity_rad_per_s``.
     """
-    own = f"{side}_{joint}_wearer_{quantity}"
-    return own if own in columns else f"{side}_{joint}_{quantity}"
+    column = f"{side}_{joint}_wearer_{quantity}"
+    return column if column in columns else f"{side}_{joint}_{quantity}"
 
 
 def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:

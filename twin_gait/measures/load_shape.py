@@ -47,12 +47,12 @@ def load_shape(cycle: np.ndarray) -> LoadShape:
         return _undefined("no stride counts")
     stance = cycle[: _stance_end(cycle)]
     # The foot is unloaded before and after stance, so that its first and last sample can be peaks, too.
-    places = prominent_peaks(np.concatenate(([0.0], stance, [0.0])), MIN_PROMINENCE) - 1
-    halves = places[places < 0.5 * len(stance)], places[places >= 0.5 * len(stance)]
+    peaks = prominent_peaks(np.concatenate(([0.0], stance, [0.0])), MIN_PROMINENCE) - 1
+    halves = peaks[peaks < 0.5 * len(stance)], peaks[peaks >= 0.5 * len(stance)]
     highest = [int(half[np.argmax(stance[half])]) for half in halves if len(half)]
-    for place in highest:
-        if MIDDLE_TENTH[0] <= place / len(stance) <= MIDDLE_TENTH[1]:
-            return _undefined(f"a peak in midstance, at {place} % of the stride")
+    for peak in highest:
+        if MIDDLE_TENTH[0] <= peak / len(stance) <= MIDDLE_TENTH[1]:
+            return _undefined(f"a peak in midstance, at {peak} % of the stride")
     for half, name in zip(halves, ("first", "second"), strict=True):
         if not len(half):
             return _undefined(f"no peak in the {name} half of stance")
@@ -76,13 +76,13 @@ def prominent_peaks(curve: np.ndarray, prominence: float) -> np.ndarray:
     """
     maxima = 1 + np.flatnonzero((curve[1:-1] > curve[:-2]) & (curve[1:-1] >= curve[2:]))
     found = []
-    for place in maxima.tolist():
-        higher = np.flatnonzero(curve > curve[place])
-        before, after = higher[higher < place], higher[higher > place]
-        left = curve[before[-1] if len(before) else 0 : place].min()
-        right = curve[place : after[0] + 1 if len(after) else None].min()
-        if curve[place] - max(left, right) >= prominence:
-            found.append(place)
+    for peak in maxima.tolist():
+        higher = np.flatnonzero(curve > curve[peak])
+        before, after = higher[higher < peak], higher[higher > peak]
+        left = curve[before[-1] if len(before) else 0 : peak].min()
+        right = curve[peak : after[0] + 1 if len(after) else None].min()
+        if curve[peak] - max(left, right) >= prominence:
+            found.append(peak)
     return np.array(found, dtype=int)
 
 

@@ -36,13 +36,13 @@ FIRST_SAMPLE, LAST_SAMPLE = 1.0, 100.0
 SAMPLES_PER_PERCENT = (LAST_SAMPLE - FIRST_SAMPLE) / CYCLE
 STEP_RATIO = (-0.532, 0.020, 0.470)  # coefficients of step length over cadence: constant, per km/h, per m
 _QUANTITIES = ("timing", "angle", "velocity", "acceleration")
-SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # range of the regression, [m] / [s]
+SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # range of the regression, [m/s]
 
 
 def reference_covers(speed: float) -> bool:
     """Check whether the regression was made for a walking speed.
 
-    ``speed`` in [m] / [s]. Returns true from 0.5 to 5 km/h.
+    ``speed`` in [m/s]. Returns true from 0.5 to 5 km/h.
     """
     return SLOWEST <= speed <= FASTEST
 
@@ -50,8 +50,8 @@ def reference_covers(speed: float) -> bool:
 def key_events(joint: JointName, *, speed: float, height: float) -> np.ndarray:
     """Compute the key events of a joint, in the order of the cycle.
 
-    ``speed`` in [m] / [s]; ``height`` of the body in [m]. Returns a row for each event with its instant in
-    [%] of the cycle, angle in [rad], velocity in [rad] / [%] and acceleration in [rad] / [%]², shape
+    ``speed`` in [m/s]; ``height`` of the body in [m]. Returns a row for each event with its instant in
+    [%] of the cycle, angle in [rad], velocity in [rad/%] and acceleration in [rad/%]², shape
     ``(n, 4)``. Raises ParameterError for another joint, if the regression does not reach the speed, or if the
     height is not positive.
     """
@@ -87,11 +87,11 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
     events = key_events(joint, speed=speed, height=height)
     starts = np.append(events[:, 0], CYCLE)
     coefficients, at = _bernstein(starts, *events[:, 1:].T), np.mod(np.asarray(percent, dtype=float), CYCLE)
-    place = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(events) - 1)
-    share = (at - starts[place]) / (starts[place + 1] - starts[place])
+    interval = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(events) - 1)
+    share = (at - starts[interval]) / (starts[interval + 1] - starts[interval])
     found = np.zeros_like(share)
     for j, binomial in enumerate((1.0, 5.0, 10.0, 10.0, 5.0, 1.0)):
-        found = found + binomial * _power(share, j) * _power(1.0 - share, 5 - j) * coefficients[place, j]
+        found = found + binomial * _power(share, j) * _power(1.0 - share, 5 - j) * coefficients[interval, j]
     return np.asarray(found)
 
 
@@ -167,13 +167,13 @@ def gait_profile_score(scores: Sequence[float]) -> float:
 
 
 WINTER_CYCLE_TIME = 1.1396  # [s], Winter (1991) at natural cadence
-WINTER_SPEED = 1.325  # [m] / [s]
+WINTER_SPEED = 1.325  # [m/s]
 WINTER_JOINTS = (JointName.HIP, JointName.KNEE)
 
 
 @lru_cache(maxsize=1)
 def _table() -> np.ndarray:
-    """Read percent, two angles in [deg], two extensor moments in [N m] / [kg], two forces in [N] / [kg]."""
+    """Read percent, two angles in [deg], two extensor moments in [N·m/kg], two forces in [N/kg]."""
     table = np.loadtxt(Path(__file__).with_name("winter1991.csv"), delimiter=",", skiprows=4)
     table.setflags(write=False)
     return table
@@ -208,13 +208,13 @@ def normative_moment(joint: str, percent: np.ndarray) -> np.ndarray:
 
     Winter counts extensor moments positive; here flexor moments are, as everywhere in this package.
     ``joint``: ``hip`` or ``knee``; ``percent`` of the gait cycle from foot contact, in [%], any shape.
-    Returns the moment in [N m] / [kg], the same shape.
+    Returns the moment in [N·m/kg], the same shape.
     """
     return np.asarray(np.interp(np.mod(percent, CYCLE), _table()[:, 0], -_column_of(joint, 3)))
 
 
-WINTER_SLOW_SPEED = 1.0  # approximate speed at Winter's slow cadence (recalled), [m] / [s]
-WINTER_GRAVITY = 9.81  # [m] / [s²]
+WINTER_SLOW_SPEED = 1.0  # approximate speed at Winter's slow cadence (recalled), [m/s]
+WINTER_GRAVITY = 9.81  # [m/s²]
 
 
 class GroundForce(NamedTuple):
@@ -231,8 +231,8 @@ def normative_ground_force(percent: np.ndarray, *, speed: float) -> GroundForce:
     proportion to the speed: its largest values of 0.162, 0.223 and 0.262 body weights at 1.0, 1.325 and
     1.7 m/s are 0.154 to 0.168 of the speed in m/s. Below 1 m/s this is extrapolated; there the vertical
     force, which is not scaled, is in reality flatter than at 1 m/s. ``percent`` of the gait cycle from foot
-    contact, in [%], any shape; the cycle repeats; ``speed``: walking speed in [m] / [s].
+    contact, in [%], any shape; the cycle repeats; ``speed``: walking speed in [m/s].
     """
-    places, table = np.mod(percent, CYCLE), _table() / WINTER_GRAVITY
-    vertical, forward = (np.interp(places, _table()[:, 0], table[:, column]) for column in (5, 6))
+    instants, table = np.mod(percent, CYCLE), _table() / WINTER_GRAVITY
+    vertical, forward = (np.interp(instants, _table()[:, 0], table[:, column]) for column in (5, 6))
     return GroundForce(vertical, forward * speed / WINTER_SLOW_SPEED)

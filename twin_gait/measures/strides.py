@@ -78,8 +78,8 @@ def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     if len(bounds) == 0:
         return np.zeros((0, len(PERCENT)))
     start, end = bounds[:, :1], bounds[:, 1:]
-    places = start + PERCENT / PERCENT[-1] * (end - start)
-    return np.asarray(np.interp(places, np.arange(len(signal)), signal))
+    positions = start + PERCENT / PERCENT[-1] * (end - start)
+    return np.asarray(np.interp(positions, np.arange(len(signal)), signal))
 
 
 def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:

@@ -41,8 +41,8 @@ def blend_windows(switches: np.ndarray, blending_ticks: np.ndarray | int, length
 def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
     """Compute the largest change of a torque from one tick to the next in each window.
 
-    ``torque`` in [N m], shape ``(n,)``; ``windows`` from :func:`blend_windows`, none beginning at tick 0.
-    Returns magnitudes in [N m], shape ``(m,)``.
+    ``torque`` in [N·m], shape ``(n,)``; ``windows`` from :func:`blend_windows`, none beginning at tick 0.
+    Returns magnitudes in [N·m], shape ``(m,)``.
     """
     steps = np.abs(np.diff(torque))
     return np.array([steps[start - 1 : end - 1].max() for start, end in windows])
@@ -54,7 +54,7 @@ def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
 def spring_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: np.ndarray) -> np.ndarray:
     r"""Compute the energy in the virtual spring, :math:`\tfrac12 k (\theta - \theta_0)^2`.
 
-    ``angle``: θ in [rad]; ``stiffness``: k in [N m] / [rad]; ``equilibrium_angle``: θ0 in [rad]. Returns
+    ``angle``: θ in [rad]; ``stiffness``: k in [N·m/rad]; ``equilibrium_angle``: θ0 in [rad]. Returns
     energy in [J], in the shape of the arguments.
     """
     deflection = angle - equilibrium_angle
@@ -75,7 +75,7 @@ def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle
     For parameters that change continuously it converges to the integral with the first power of the tick.
 
     ``angle``: measured angle in [rad], one value a tick, shape ``(n,)``; ``stiffness``: k in force from each
-    tick on in [N m] / [rad], shape ``(n,)``; ``equilibrium_angle``: θ0 in force from each tick on in [rad],
+    tick on in [N·m/rad], shape ``(n,)``; ``equilibrium_angle``: θ0 in force from each tick on in [rad],
     shape ``(n,)``. Returns energy in [J], positive into the spring, 0 in the first tick; shape ``(n,)``.
     """
     injected = np.zeros(len(angle))
@@ -114,7 +114,7 @@ def joint_jerk(velocity: np.ndarray, tick: float) -> np.ndarray:
 
     A torque that steps gives a jerk that is not bounded: without a filter its root mean square would grow as
     the tick shrinks. The differences are central. The cut-off frequency lets the 25 ms of a short blend pass.
-    ``velocity`` in [rad] / [s], one value a tick. Returns the jerk in [rad] / [s³], 0 in the first and the
+    ``velocity`` in [rad/s], one value a tick. Returns the jerk in [rad/s³], 0 in the first and the
     last tick.
     """
     jerk = np.zeros(len(velocity))
@@ -133,7 +133,7 @@ def dimensionless_jerk(velocity: np.ndarray, jerk: np.ndarray, spans: np.ndarray
     after Hogan and Sternad (2009, doi:10.3200/35-09-004-RC) and Balasubramanian et al. (2015,
     doi:10.1186/s12984-015-0090-9), who give it a minus sign. A sine has :math:`(2\pi)^4/2 = 779`.
 
-    ``velocity`` in [rad] / [s]; ``jerk`` from :func:`joint_jerk`; ``spans``: first tick of each stride and of
+    ``velocity`` in [rad/s]; ``jerk`` from :func:`joint_jerk`; ``spans``: first tick of each stride and of
     the next one, shape ``(m, 2)``. Returns one number a stride; NaN for a joint at rest. Shape ``(m,)``.
     """
     values = np.full(len(spans), np.nan)

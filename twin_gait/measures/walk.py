@@ -2,18 +2,19 @@ r"""Forces of the ground on a walking leg, and the sources of the work.
 
 Vertical forces are divided by the carried weight: the weight of wearer and device less the body-weight
 support. Curves are means over strides from heel strike to heel strike, as in D. A. Winter: The biomechanics
-and motor control of human gait, 2nd edition, University of Waterloo Press, 1991. There the vertical force
-rises to a loading peak, sinks in midstance, rises again as the foot pushes off; the ground brakes in the
-first half of stance and propels equally in the second.
+and motor control of human gait, 2nd edition, University of Waterloo Press, 1991. In healthy walking, the
+vertical force rises to a loading peak, falls in midstance and rises again at push-off. The ground brakes in
+the first half of stance and propels by the same impulse in the second half.
 
-On a belt, over whole strides of a steady walk, the force of the ground balances that of a guide of the
-pelvis,
+On a belt, over whole strides of a steady walk, the mean force of the ground and the mean force of the guide
+of the pelvis are in balance,
 
 .. math::
 
     \bar F_{guide} + \sum_{feet} \bar F_x = 0, \qquad P_{belt} = -v_{belt} \sum_{feet} \bar F_x,
 
-so that the belt drives a walk whose feet brake in the mean.
+with forces positive forwards and :math:`v_{belt}` positive backwards. The belt therefore supplies power if
+the ground brakes the feet on average.
 """
 
 import math
@@ -32,11 +33,11 @@ from twin_gait.vocabulary import JointName, Side
 MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which one foot of a healthy walk carries the weight
 WEIGHT_ACCEPTANCE = slice(6, 21)  # [%] of the cycle, in which the load rises in healthy walking
 YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstance
-# A belt whose mean pull on both feet is less than this share of the carried weight does not carry a walk. In
-# healthy walking at an even speed the mean pull is zero. The share is an assumption: a tenth of the peak
-# braking force of a foot.
+# Mean pull of the belt on both feet, as a share of the carried weight, below which the belt does not drive
+# the walk. In healthy walking at an even speed the mean pull is zero. The share is an assumption: a tenth of
+# the peak braking force of a foot.
 MIN_DRAG_SHARE = 0.02
-# Sources of torque on a driven joint from outside the device, as in the names of log columns;
+# Sources of torque on a driven joint other than the device, as in the names of log columns. The column
 # external_torque_Nm is their sum.
 EXTERNAL_SOURCES = ("voluntary", "passive", "disturbance")
 
@@ -48,7 +49,7 @@ class WalkConditions:
     # Weight of wearer and device less the supported part, in [N]; NaN if nothing is left.
     carried_weight: float
     friction_coefficient: float  # friction coefficient of the soles on the belt
-    transition_velocity: float  # transition velocity of the regularised friction in [m] / [s]
+    transition_velocity: float  # transition velocity of the regularised friction in [m/s]
 
 
 def walk_measures(
@@ -60,12 +61,14 @@ def walk_measures(
     swing_phase: int | None,
     skip: int = strides.SKIPPED_STRIDES,
 ) -> dict[str, float]:
-    """Measure one leg of a walk on a belt, by names in a summary, whose page explains each of them.
+    """Compute the measures of one leg of a walk on ground, by their names in a summary.
 
-    ``log``: one row a tick, with the columns whose names end as in ``WALK_COLUMNS``; ``swing_phase``: index
-    of swing flexion; None for a table without it; ``skip``: number of strides at the start that do not count.
-    Measures are means over the other strides unless said otherwise, forces are divided by the carried weight
-    where they have no unit; NaN where they are not defined.
+    The page on the summary explains each measure. ``log``: one row for each tick, with the columns whose
+    names end as in ``WALK_COLUMNS``. ``leg``, ``other``: columns of this leg and of the other one.
+    ``swing_phase``: index of swing flexion; None for a table without it. ``skip``: number of strides at the
+    start that do not count. Measures are means over the counted strides if their name does not state
+    otherwise, and NaN if they are not defined. Forces without a unit in the name are divided by the carried
+    weight.
     """
     contacts, force = leg.contacts, leg.normal_force
     assert contacts is not None  # there is ground
@@ -94,16 +97,19 @@ def walk_measures(
 
 
 def counted_step_times(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
-    """Compute the durations in [s] of the steps that end at a heel strike of ``bounds``, in the same walk."""
+    """Compute the durations in [s] of the steps that end at a heel strike of the strides ``bounds``.
+
+    A step is not counted if the walk is interrupted in it.
+    """
     contacts, others = leg.contacts, other.contacts
     assert contacts is not None and others is not None  # there is ground
     strikes = contacts.heel_strikes[strides.is_in_stride(contacts.heel_strikes, bounds, last=True)]
     found = [np.zeros(0)]
     for span in leg.steady_ticks:
-        own, before = (
+        ends, starts = (
             ticks[(ticks >= span.start) & (ticks <= span.stop)] for ticks in (strikes, others.heel_strikes)
         )
-        found.append(strides.step_times(own, before, leg.tick))
+        found.append(strides.step_times(ends, starts, leg.tick))
     return np.concatenate(found)
 
 
@@ -117,16 +123,17 @@ WALK_COLUMNS = (
 
 
 def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
-    """Compute the mean speed over the ground in some strides, in [m] / [s].
+    """Compute the mean speed over the ground in some strides, in [m/s].
 
-    This is the speed of the belt, or that of the pelvis where no belt moves.
+    It is the speed of the belt or, if the belt does not move, of the pelvis. ``bounds``: strides, shape
+    ``(n_strides, 2)``; ``tick``: length of a tick in [s].
     """
     belt = mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds)
     if belt != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
         return belt
-    place = np.asarray(log["pelvis_forward_m"])
+    position = np.asarray(log["pelvis_forward_m"])
     first, last = strides.join_strides(bounds).clip(max=len(log) - 1).T
-    return float(np.sum(place[last] - place[first]) / (tick * np.sum(last - first)))
+    return float(np.sum(position[last] - position[first]) / (tick * np.sum(last - first)))
 
 
 def _mean(values: np.ndarray) -> float:
@@ -155,7 +162,7 @@ def mean_over_strides(signal: np.ndarray, bounds: np.ndarray) -> float:
 
 
 def load_measures(cycle: np.ndarray) -> dict[str, float]:
-    """Measure the peaks, the trough and the least loads of a vertical force.
+    """Find the peaks, the trough and the smallest loads of a vertical force.
 
     ``cycle``: force divided by the carried weight at every percent of the cycle, shape ``(101,)``. Returns
     the measures by their names in a summary; peaks and trough are NaN where :func:`load_shape` finds no two
@@ -172,18 +179,21 @@ def load_measures(cycle: np.ndarray) -> dict[str, float]:
 
 
 def fore_aft_peaks(cycle: np.ndarray) -> dict[str, float]:
-    """Find the largest backward and forward force of a mean stride, divided by the carried weight.
+    """Find the largest backward and forward force of a mean stride.
 
-    Argument and result are like those of :func:`load_measures`.
+    ``cycle``: fore-aft force divided by the carried weight, positive forwards, shape ``(101,)``. Returns the
+    measures by their names in a summary: the braking peak, 0 or negative, and the propulsion peak, 0 or
+    positive.
     """
     low, high = float(cycle.min()), float(cycle.max())
     return {"braking_peak": 0.0 if low > 0.0 else low, "propulsion_peak": 0.0 if high < 0.0 else high}
 
 
 def knee_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Compute the knee angle at contact and the yield of the knee after it, from angles in [rad].
+    """Compute the knee angle at contact, and the flexion of the knee after it under load, both in [deg].
 
-    Shape of the argument and form of the result are those of :func:`load_measures`.
+    ``cycle``: knee angle in [rad] at every percent of the cycle, shape ``(101,)``. Returns the measures by
+    their names in a summary.
     """
     bent = cycle[: YIELD_UNTIL + 1].max() - cycle[0]
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
@@ -205,9 +215,9 @@ def _fore_aft(
 def cop_curve(cop_ratio: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Compute the centre of pressure over the mean stride, each stride weighted with its load.
 
-    ``cop_ratio``: centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
-    ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``. Returns the centre of pressure at every percent
-    of the cycle, shape ``(101,)``; NaN where the foot carries no load in the mean stride.
+    ``cop_ratio``: centre of pressure in each tick, 0 at the heel and 1 at the toe, shape ``(n,)``; ``load``:
+    vertical force in [N], shape ``(n,)``. Returns the centre of pressure at every percent of the cycle, shape
+    ``(101,)``; NaN where the foot carries no load in the mean stride.
     """
     carried = mean_stride(load, bounds)
     loaded = carried > CONTACT_FORCE
@@ -215,10 +225,10 @@ def cop_curve(cop_ratio: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np
     return np.where(loaded, weighted / np.where(loaded, carried, 1.0), np.nan)
 
 
-def _midfoot(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
+def _midfoot(cop: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
     """Return the share of the cycle at which the centre of pressure passes the middle of the sole."""
-    # The curve ends at the least load, after which the next stance begins.
-    stance = cop_curve(place, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
+    # Only the curve before the smallest load counts, because the next stance begins after it.
+    stance = cop_curve(cop, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
     known = stance[np.isfinite(stance)]
     behind = np.flatnonzero(stance < 0.5)
     return float(behind[-1] + 1) / 100.0 if len(behind) and known[-1] >= 0.5 else math.nan
@@ -249,7 +259,7 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) 
     that carry load.
 
     ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``.
-    Returns the speed in [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
+    Returns the speed in [m/s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
     """
     loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
@@ -261,14 +271,17 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) 
 
 
 def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
-    """Compute the mean share of the stride and the mean load in [N] at the entry into swing."""
-    place = np.searchsorted(bounds[:, 0], entries, side="right") - 1
-    shares = (entries - bounds[place, 0]) / (bounds[place, 1] - bounds[place, 0])
+    """Compute the mean share of the stride and the mean load in [N] at the entry into swing.
+
+    ``entries``: first tick of each swing, shape ``(n,)``.
+    """
+    stride = np.searchsorted(bounds[:, 0], entries, side="right") - 1
+    shares = (entries - bounds[stride, 0]) / (bounds[stride, 1] - bounds[stride, 0])
     return {"swing_entry": _mean(shares), "swing_load_N": _mean(load[entries])}
 
 
 def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
-    """Compute the mean powers of each motor at its joint, and of the wearer and of pushes at all of them."""
+    """Compute the mean power of each motor, and the mean powers of wearer and pushes over all joints."""
     found = {}
     for joint in leg.angles:
         name = f"{leg.side}_{joint}"
@@ -280,18 +293,18 @@ def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, fl
 def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     """Compute the mean powers of voluntary effort, passive joint moments and pushes on a leg.
 
-    Each is the sum over the driven joints of the torque in the log times the velocity of a joint: for effort
-    and passive moments of the wearer's own joint, for pushes of the joint of the device, on which they act.
-    ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W], positive if they
-    drive the leg, by the names in a summary; NaN without strides.
+    Each power is the sum over the driven joints of torque times joint velocity. The velocity is that of the
+    wearer's joint for effort and passive moments, and that of the device's joint for pushes, which act on the
+    device. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W] by their
+    names in a summary, positive if they drive the leg; NaN without strides.
     """
     found = {}
     for source in EXTERNAL_SOURCES:
         power = 0.0
         for joint in leg.angles:
             torque = log[f"{leg.side}_{joint}_{source}_torque_Nm"]
-            own = () if source == "disturbance" else log
-            velocity = log[wearer_column(own, leg.side, joint, "velocity_rad_per_s")]
+            columns = () if source == "disturbance" else log
+            velocity = log[wearer_column(columns, leg.side, joint, "velocity_rad_per_s")]
             power += mean_over_strides(np.asarray(torque * velocity), bounds)
         found[f"{source}_power_W"] = power
     return found
@@ -300,10 +313,13 @@ def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[s
 def walk_power(
     log: LogColumns, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: WalkConditions
 ) -> dict[str, float]:
-    """Add up the powers that drive a walk, from the measures of its legs; by their names in a summary.
+    """Add up the mean powers in [W] that drive a walk, by their names in a summary.
 
-    ``guide_W`` is the power that guide or harness (and arms and seat off the rails) supply to the pelvis in
-    the forward direction, ``guide_force_N`` is their mean forward force.
+    ``guide_W`` is the power that the guide supplies to the pelvis in the forward direction, and
+    ``guide_force_N`` its mean forward force; for a pelvis that is free, those of harness, arms and seat.
+
+    ``legs``: measures of each leg from :func:`walk_measures`; ``bounds``: strides of the walk, shape
+    ``(n_strides, 2)``.
     """
     belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *EXTERNAL_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
@@ -313,25 +329,27 @@ def walk_power(
         mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds),
     )
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
-        if forward in log:  # with braces the harness holds the wearer
+        if forward in log:  # with braces the second column exists, because the harness holds the wearer
             power = mean_over_strides(force * np.asarray(log[forward]), bounds)
-    carried = is_belt_driven(holding, speed, motors + sum(outside), walkway.carried_weight)
+    belt_driven = is_belt_driven(holding, speed, motors + sum(outside), walkway.carried_weight)
     return {
         "belt_W": belt,
         "motors_W": motors,
         **{f"{source}_W": value for source, value in zip(EXTERNAL_SOURCES, outside, strict=True)},
         "guide_W": power,
         "guide_force_N": holding,
-        "belt_driven": carried,
+        "belt_driven": belt_driven,
     }
 
 
 def is_belt_driven(holding: float, speed: float, legs: float, carried_weight: float) -> bool:
-    """Check whether the belt carries a walk: it drags the wearer and supplies more power than the legs do.
+    """Check whether the belt drives a walk: F > 0.02 W and F v > P.
 
-    The criterion is the force that holds the pelvis against the belt: on level ground the drag on the feet,
-    on a slope this drag without the pull of the weight. ``holding``: mean forward force of guide or harness
-    on the pelvis in [N]; ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors, wearer and pushes
-    in [W]; ``carried_weight``: as in :class:`WalkConditions`. Returns false without strides.
+    F is the force that holds the pelvis against the belt: on level ground the drag of the belt on the feet,
+    on a slope this drag without the downhill force of the weight.
+
+    ``holding``: F, mean forward force of guide or harness on the pelvis in [N]; ``speed``: v, speed of the
+    belt in [m/s]; ``legs``: P, net power of motors, wearer and pushes in [W]; ``carried_weight``: W, as in
+    :class:`WalkConditions`. Returns false without strides.
     """
     return holding > MIN_DRAG_SHARE * carried_weight and holding * speed > legs

@@ -53,7 +53,8 @@ def find_dbc(path_or_name: str | Path) -> Path:
     ships = str(path_or_name) == PACKAGED_DBC
     found = path if path.is_file() else shipped_file(PACKAGED_DBC) if ships else None
     if found is None:
-        raise ParameterFileError(path, "", f"no such DBC file; give a path, or {PACKAGED_DBC}, which ships")
+        expected = f"give a path, or {PACKAGED_DBC}, which is part of the package"
+        raise ParameterFileError(path, "", f"there is no such DBC file; {expected}")
     return found
 
 
@@ -68,7 +69,7 @@ def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]
     path = find_dbc(path_or_name)
     found = {item.name: item for item in _messages_of(path)}
     for name in MESSAGES:
-        _require(name in found, path, name, "no such message; the packaged file has them all")
+        _require(name in found, path, name, "there is no such message; the packaged file has all of them")
     return {name: _message(path, found[name], units) for name, units in MESSAGES.items()}
 
 
@@ -81,7 +82,7 @@ def _messages_of(path: Path) -> Iterable[DbcMessage]:
         text = read_bytes(path).decode("cp1252", errors="replace")  # cantools uses this encoding, too.
         database = cantools.database.load_string(text, database_format="dbc")
     except (OSError, UnicodeDecodeError, cantools.Error) as error:
-        raise ParameterFileError(path, "", f"is no DBC file ({error})") from error
+        raise ParameterFileError(path, "", f"is not a DBC file ({error})") from error
     return database.messages  # type: ignore[union-attr]  # A DBC file has no diagnostics.
 
 
@@ -92,7 +93,7 @@ def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
     known, codes = {signal.name: signal for signal in item.signals}, dict[str, dict[str, int]]()
     for name, unit in units.items():
         key = f"{item.name}.{name}"
-        _require(name in known, path, key, f"no such signal; it has {', '.join(known)}")
+        _require(name in known, path, key, f"there is no such signal; expected one of {', '.join(known)}")
         has = known[name].unit or ""
         _require(has == unit, path, key, f"expected the unit {unit!r}, got {has!r}")
         codes[name] = {str(word): int(code) for code, word in (known[name].choices or {}).items()}

@@ -8,7 +8,7 @@ from twin_gait.parameters import quantities
 
 LEAN_ANGLES = quantities.Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
 DELAYS = quantities.Range(0.0, 1.0, words="0 to 1 s")
-CRUTCHES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="ten times a crutch of aluminium")
+CRUTCHES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="the mass of ten aluminium crutches")
 PUSHES = quantities.Range(0.0, 1.0, reason="the whole weight on each hand")
 
 
@@ -23,17 +23,17 @@ class CrutchParameters(quantities.Parameters):
         length: Length of straight arm and crutch as a share of the height of the wearer: 0.485 to the grip at
             the wrist and 0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
         slack: Distance beyond that length at which the hand lets go, in [m] (an assumption).
-        straight_stiffness: Stiffness of a straight arm and the hand that holds on, in [N] / [m] (an
+        straight_stiffness: Stiffness of a straight arm and the hand that holds on, in [N/m] (an
             assumption: shoulder girdle and wrist reduce the stiffness of the elbow to 5 to 15 kN/m).
-        tip_stiffness: Shear stiffness of the rubber tip in [N] / [m] (an assumption: it yields by a
+        tip_stiffness: Shear stiffness of the rubber tip in [N/m] (an assumption: it yields by a
             centimetre under 200 N). With it a planted tip rests, whereas it would creep with regularised
             friction.
-        tip_damping: Shear damping of the rubber tip in [N s] / [m] (an assumption: half of critical for the
+        tip_damping: Shear damping of the rubber tip in [N·s/m] (an assumption: half of critical for the
             mass of the crutch).
         push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
             as others, Kotajarvi et al. 2002; lifting oneself requires half the weight on each hand).
         pull_limit: Largest force with which an arm lifts a crutch in [N] (an assumption).
-        moment_limit: Largest moment of a shoulder in [N m] (an assumption; men typically reach 60 to 95).
+        moment_limit: Largest moment of a shoulder in [N·m] (an assumption; men typically reach 60 to 95).
     """
 
     mass: Annotated[quantities.Mass, CRUTCHES] = 0.5
@@ -62,21 +62,21 @@ class ArmParameters(quantities.Parameters):
         axial_force_per_lean: Increase of the push with additional lean of the trunk, as a share of the
             weight per [rad].
         axial_force_per_lean_rate: Increase of the push with the rate of the lean, as a share of the weight
-            times [s] / [rad].
-        shoulder_moment: Moment of each shoulder in [N m] that pulls the body forwards.
-        stiffness: Short-term stiffness of a loaded arm along the strut in [N] / [m].
-        damping: Damping of a loaded arm along the strut in [N s] / [m].
-        transverse_stiffness: Stiffness of a loaded arm across the strut, at its tip, in [N] / [m].
-        transverse_damping: Damping of a loaded arm across the strut, at its tip, in [N s] / [m].
-        swing_stiffness: Stiffness of an arm that carries its crutch, along and across, in [N] / [m].
-        swing_damping: Damping of an arm that carries its crutch, along and across, in [N s] / [m].
+            times [s/rad].
+        shoulder_moment: Moment of each shoulder in [N·m] that pulls the body forwards.
+        stiffness: Short-term stiffness of a loaded arm along the strut in [N/m].
+        damping: Damping of a loaded arm along the strut in [N·s/m].
+        transverse_stiffness: Stiffness of a loaded arm across the strut, at its tip, in [N/m].
+        transverse_damping: Damping of a loaded arm across the strut, at its tip, in [N·s/m].
+        swing_stiffness: Stiffness of an arm that carries its crutch, along and across, in [N/m].
+        swing_damping: Damping of an arm that carries its crutch, along and across, in [N·s/m].
         yielding: Time constant in [s] with which loaded muscles adapt to slow changes of length and angle.
         lift_ahead: Distance of a tip in front of the shoulder below which it is lifted, in [m].
         reach: Angle from the vertical to which a crutch is swung, in [rad].
         clearance: Length by which arm and crutch are shortened for the swing, in [m].
         swing: Duration of the swing in [s].
         planted: Minimum time for which a crutch stays planted, in [s].
-        lowering: Speed at which a crutch is put down in [m] / [s].
+        lowering: Speed at which a crutch is put down in [m/s].
         touch: Load from which the contact of a crutch is felt in [N].
         chair_tilt: Angle of arms and crutches from the vertical to which they are swung for a chair, with the
             tips behind the shoulders, in [rad].
@@ -84,14 +84,14 @@ class ArmParameters(quantities.Parameters):
         stand_slack: Distance of a tip from that position above which the crutch is moved there, in [m].
         still: Time without a swing of a leg after which the person counts as standing, in [s].
         chair_axial_force: Push on each crutch while the person rises or sits down, as a share of the weight.
-        chair_shoulder_moment: Moment of each shoulder in [N m] that pulls the body forwards while the person
+        chair_shoulder_moment: Moment of each shoulder in [N·m] that pulls the body forwards while the person
             rises or sits down.
         risen_length: Length of arm and crutch when the person has risen, as a share of that of a straight
             arm.
         seated_length: Length of arm and crutch when the person has sat down, as a share of that of a straight
             arm.
         chair_time: Time in which they reach that length, in [s].
-        straightening: Speed at which they lengthen afterwards, until the hands feel no load, in [m] / [s].
+        straightening: Speed at which they lengthen afterwards, until the hands feel no load, in [m/s].
     """
 
     delay: Annotated[quantities.Time, DELAYS] = 0.15

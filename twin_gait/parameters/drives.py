@@ -13,7 +13,7 @@ from twin_gait.vocabulary import JointName, Side
 MIN_GEAR_EFFICIENCY = 0.5
 EFFICIENCIES = quantities.Range(MIN_GEAR_EFFICIENCY, 1.0, words=f"{MIN_GEAR_EFFICIENCY:g} to 1")
 
-ROTORS = quantities.Range(0.0, 0.01, reason="thirty times that of the motors, 3.06e-4 kg m²")
+ROTORS = quantities.Range(0.0, 0.01, reason="thirty times the inertia of the motors, 3.06e-4 kg·m²")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,16 +21,16 @@ class ActuatorParameters(quantities.Parameters):
     """Motor and harmonic drive of one joint.
 
     Attributes:
-        torque_constant: Torque constant K_t of the motor in [N m] / [A].
+        torque_constant: Torque constant K_t of the motor in [N·m/A].
         resistance: Terminal resistance, line to line, in [Ω].
-        rotor_inertia: Inertia of the rotor in [kg m²], at the motor.
+        rotor_inertia: Inertia of the rotor in [kg·m²], at the motor.
         gear_ratio: Motor turns per joint turn.
-        gear_inertia: Inertia of the wave generator in [kg m²], at the motor.
+        gear_inertia: Inertia of the wave generator in [kg·m²], at the motor.
         gear_efficiency: Efficiency η of the gear under load, in addition to the friction law, which is that
             of a joint without load: the share of the motor's torque that the joint receives, or of the
             joint's torque that the motor receives when it is back-driven
             (:func:`twin_gait.core.friction.gear_loss_torque`). 0.5 to 1; 1 is no such loss.
-        continuous_torque: Torque that the motor can hold, before the gear's losses, in [N m].
+        continuous_torque: Torque that the motor can hold, before the gear's losses, in [N·m].
     """
 
     torque_constant: Annotated[quantities.TorqueConstant, quantities.POSITIVE]
@@ -46,7 +46,7 @@ class ActuatorParameters(quantities.Parameters):
 
     @property
     def armature(self) -> float:
-        """Inertia of rotor and wave generator seen at the joint, in [kg m²]."""
+        """Inertia of rotor and wave generator seen at the joint, in [kg·m²]."""
         return (self.rotor_inertia + self.gear_inertia) * self.gear_ratio * self.gear_ratio
 
 
@@ -57,7 +57,7 @@ KNEE_ACTUATOR = ActuatorParameters(torque_constant=0.0705, resistance=0.343)
 HIP_ACTUATOR = ActuatorParameters(torque_constant=0.109, resistance=0.82)
 
 
-PACKS = quantities.Range(0.0, 10.0, reason="fifty times that of a pack of this size")
+PACKS = quantities.Range(0.0, 10.0, reason="fifty times the resistance of a pack of this size")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ class ElectronicsParameters(quantities.Parameters):
     regeneration: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
 
-HARD_TORQUE_LIMIT = 100.0  # Torque in [N m] just below the repeated peak torque of the gear (110 N·m).
+HARD_TORQUE_LIMIT = 100.0  # Torque in [N·m] just below the repeated peak torque of the gear (110 N·m).
 TORQUE_RANGE = quantities.Range(
     0.0,
     HARD_TORQUE_LIMIT,
@@ -117,7 +117,7 @@ class LimitParameters(quantities.Parameters):
     """Limits of the command.
 
     Attributes:
-        torque: Limit of the motor torque at the joint in [N m], at most ``HARD_TORQUE_LIMIT``.
+        torque: Limit of the motor torque at the joint in [N·m], at most ``HARD_TORQUE_LIMIT``.
         current: Limit of the motor current in [A].
     """
 
@@ -138,8 +138,8 @@ HEIGHTS = quantities.Range(0.0, 1.0, reason="from the hips to above the head")
 DEPTHS = quantities.Range(-0.5, 0.5, reason="within the depth of a trunk with its backpack")
 # Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
 # unit (InvenSense MPU-6050, data sheet rev. 3.4, sections 6.1 and 6.2).
-GYROSCOPE_NOISE = 0.005 * quantities.DEGREE * math.sqrt(500.0)  # [rad] / [s]
-ACCELEROMETER_NOISE = 400e-6 * 9.81 * math.sqrt(500.0)  # [m] / [s²]
+GYROSCOPE_NOISE = 0.005 * quantities.DEGREE * math.sqrt(500.0)  # [rad/s]
+ACCELEROMETER_NOISE = 400e-6 * 9.81 * math.sqrt(500.0)  # [m/s²]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,11 +149,11 @@ class TrunkSensorParameters(quantities.Parameters):
     Attributes:
         height: Height of the unit above the hips, along the trunk, in [m] (an assumption).
         behind: Distance of the unit behind the line from hips to shoulders in [m] (an assumption).
-        gyroscope_noise: Standard deviation of a sample at 1 kHz in [rad] / [s]; white.
-        gyroscope_bias: Bias of the angular rate in [rad] / [s] (an assumption: 0.1 deg/s, as after a
+        gyroscope_noise: Standard deviation of a sample at 1 kHz in [rad/s]; white.
+        gyroscope_bias: Bias of the angular rate in [rad/s] (an assumption: 0.1 deg/s, as after a
             calibration at rest).
-        accelerometer_noise: Standard deviation of a sample of each axis in [m] / [s²]; white.
-        accelerometer_bias: Bias of the forward axis in [m] / [s²] (an assumption: 5 mg, as after a
+        accelerometer_noise: Standard deviation of a sample of each axis in [m/s²]; white.
+        accelerometer_bias: Bias of the forward axis in [m/s²] (an assumption: 5 mg, as after a
             calibration at rest).
         time_constant: Time constant with which the pitch follows the accelerometer in [s] (an assumption:
             with it the steps of the default walk on the floor cause an error of 0.8 deg, with 0.5 s one of 4
@@ -217,7 +217,9 @@ SHARES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="a larger sha
 STEPS = quantities.Range(
     0.0, 0.2, exclusive_minimum=True, reason="200 rad/s, fifty times the speed of the drives"
 )
-DEVIATIONS = quantities.Range(0.0, 0.5, exclusive_minimum=True, reason="29 deg; a leg has fallen before")
+DEVIATIONS = quantities.Range(
+    0.0, 0.5, exclusive_minimum=True, reason="29 deg; a leg falls at a smaller angle"
+)
 REACTIONS = quantities.Range(
     0.0, 1.0, exclusive_minimum=True, reason="after 1 s a leg has moved through its range"
 )
@@ -238,20 +240,20 @@ class SafetyParameters(quantities.Parameters):
 
     Attributes:
         enabled: Whether the monitor is on.
-        stopping_deceleration: Deceleration with which a joint can be braked, in [rad] / [s²], for the stop
+        stopping_deceleration: Deceleration with which a joint can be braked, in [rad/s²], for the stop
             distance: the limit of 60 N·m on the hip with the leg of a wearer, about 6 kg·m².
         speed_share: Highest joint speed over that of the URDF, which is the motor's no-load speed.
         angle_step: Largest plausible change of an encoder in a tick in [rad]: 20 rad/s, five times the
             no-load speed.
         frozen_time: Time in [s] after which an encoder counts as frozen if its reading does not change at all
             while the motor turns.
-        frozen_speed: Estimated speed in [rad] / [s] above which a motor counts as turning.
+        frozen_speed: Estimated speed in [rad/s] above which a motor counts as turning.
         model_deviation: Largest angle in [rad] by which an encoder may deviate from the motor's model.
         model_time_constant: Time constant with which that angle decays, in [s].
         model_resistance_ratio: Resistance of winding and inverter that the monitor assumes over the true one.
         torque_time: Longest time in [s] for which a command may be above the torque limit.
-        highest_command: Largest plausible command in [N m].
-        command_deviation: Largest filtered deviation in [N m] of the command from the torque that the
+        highest_command: Largest plausible command in [N·m].
+        command_deviation: Largest filtered deviation in [N·m] of the command from the torque that the
             setpoint of the joint gives for the measurement of the next tick. In normal operation it is
             reached when the spring and damper torque changes by 200 N·m, twice the hard torque limit, within
             a tick.
@@ -266,7 +268,7 @@ class SafetyParameters(quantities.Parameters):
         min_voltage_share: Share of the battery's open-circuit voltage below which the drives are not
             reliable.
         voltage_time: Longest time in [s] for which the bus may be below that voltage.
-        hold_damping: Damping of the safe hold in [N m s] / [rad].
+        hold_damping: Damping of the safe hold in [N·m·s/rad].
         lowering_time: Time in which the hold reduces its support of the leg's weight to 0, in [s].
     """
 

@@ -45,15 +45,15 @@ class ContactParameters(quantities.Parameters):
     """Foot contact at heel and toe; see :func:`twin_gait.core.contact.contact_normal_force`.
 
     Attributes:
-        stiffness: Hertz stiffness of each point in [N] / [m]^1.5 (an assumption): a heel is compressed by 11
+        stiffness: Hertz stiffness of each point in [N/m^1.5] (an assumption): a heel is compressed by 11
             mm under the 353 N of wearer and device that remain with 60 % support. A contact sphere of PredSim
             has 8.4e4 (1e6 N/m², radius 32 mm).
-        dissipation: Dissipation c of Hunt and Crossley in [s] / [m]. OpenSim and PredSim have 2.0 in the same
+        dissipation: Dissipation c of Hunt and Crossley in [s/m]. OpenSim and PredSim have 2.0 in the same
             law. The default bounces: it dissipates 13 % of the energy of a fall at 0.15 m/s (2.0: 41 %),
             whereas a heel pad dissipates 30 to 48 % (Ker 1996, J Exp Biol 199:1501) and a prosthetic foot 34
             to 53 %, 63 % in a walking shoe (Klute et al. 2004, J Rehabil Res Dev 41:535).
         friction_coefficient: Coulomb coefficient of the sole on the belt.
-        transition_velocity: Transition velocity of the regularised friction in [m] / [s].
+        transition_velocity: Transition velocity of the regularised friction in [m/s].
     """
 
     stiffness: Annotated[quantities.HertzStiffness, quantities.POSITIVE] = 3.0e5
@@ -67,8 +67,8 @@ class StopParameters(quantities.Parameters):
     """Mechanical stops of the joints; their angles are the limits in the URDF.
 
     Attributes:
-        stiffness: Stiffness of a stop in [N m] / [rad].
-        dissipation: Dissipation of a stop in [s] / [rad].
+        stiffness: Stiffness of a stop in [N·m/rad].
+        dissipation: Dissipation of a stop in [s/rad].
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, STOPS] = 2000.0
@@ -85,13 +85,13 @@ class AnkleParameters(quantities.Parameters):
     """Ankle-foot orthosis: a passive spring and damper about a fixed rest angle.
 
     Attributes:
-        stiffness: Stiffness in [N m] / [rad]. Thirteen commercial orthoses of carbon composite have 33 to 210
+        stiffness: Stiffness in [N·m/rad]. Thirteen commercial orthoses of carbon composite have 33 to 210
             (0.58 to 3.66 N·m/deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the
             device is not published; the default was found together with the default gait table.
         relative_stiffness: Additional stiffness of an orthosis that is fitted to the wearer, divided by the
             weight of wearer and device times the height of the wearer. Two orthoses with 0.25 each keep a
             stiff body upright.
-        damping: Damping in [N m s] / [rad] (an assumption: at strides of 1.75 s the default dissipates a
+        damping: Damping in [N·m·s/rad] (an assumption: at strides of 1.75 s the default dissipates a
             third of the energy that the spring stores, and in the air the foot does not oscillate, with ζ
             about 1.7).
         rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
@@ -114,17 +114,17 @@ class SupportParameters(quantities.Parameters):
 
     Attributes:
         share: Share of the weight of wearer and device that the support carries.
-        damping: Damping of the vertical guide in [N s] / [m].
+        damping: Damping of the vertical guide in [N·s/m].
         guide: Whether the pelvis is guided vertically, or a harness lets it move fore-aft as well; neither
             lets it pitch.
-        forward_stiffness: Fore-aft stiffness of the harness in [N] / [m]; tethers let a pelvis move by some
+        forward_stiffness: Fore-aft stiffness of the harness in [N/m]; tethers let a pelvis move by some
             centimetres (an assumption).
-        forward_damping: Fore-aft damping of the harness in [N s] / [m]; about 0.4 of critical under 90 kg (an
+        forward_damping: Fore-aft damping of the harness in [N·s/m]; about 0.4 of critical under 90 kg (an
             assumption).
-        lock_stiffness: Stiffness of the locked harness in [N] / [m]; 0 for one that does not lock. About a
+        lock_stiffness: Stiffness of the locked harness in [N/m]; 0 for one that does not lock. About a
             metre of rope that stretches by 5 % under 100 kg, the maximum that EN 1891 allows for a
             low-stretch rope.
-        lock_dissipation: Dissipation of the locked harness in [s] / [m] (an assumption).
+        lock_dissipation: Dissipation of the locked harness in [s/m] (an assumption).
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.6
@@ -147,8 +147,8 @@ class SpringDamper(quantities.Parameters):
     """A linear rotary spring and a damper in parallel.
 
     Attributes:
-        stiffness: Stiffness in [N m] / [rad].
-        damping: Damping in [N m s] / [rad].
+        stiffness: Stiffness in [N·m/rad].
+        damping: Damping in [N·m·s/rad].
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
@@ -160,8 +160,8 @@ class SlidingSpringDamper(quantities.Parameters):
     """A linear spring and a damper in parallel, for translation.
 
     Attributes:
-        stiffness: Stiffness in [N] / [m].
-        damping: Damping in [N s] / [m].
+        stiffness: Stiffness in [N/m].
+        damping: Damping in [N·s/m].
     """
 
     stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE]
@@ -210,9 +210,9 @@ class ChairParameters(quantities.Parameters):
         depth: Depth of the seat in [m].
         rounding: Distance behind an edge over which the stiffness increases to its full value, in [m] (an
             assumption).
-        stiffness: Stiffness of the seated body in [N] / [m]: 5 Hz with a sprung mass of 45 kg, the mean of 60
+        stiffness: Stiffness of the seated body in [N/m]: 5 Hz with a sprung mass of 45 kg, the mean of 60
             people (Fairley and Griffin 1989, J Biomech 22:81).
-        dissipation: Dissipation in [s] / [m]; under 550 N it equals their damping ratio of 0.475, 1340 N·s/m.
+        dissipation: Dissipation in [s/m]; under 550 N it equals their damping ratio of 0.475, 1340 N·s/m.
         thigh_share: Share of the stiffness that belongs to the backs of the two thighs (an assumption).
         hip_height: Height of the hips above the uncompressed seat in [m]; 0.098 in the manikin of SAE J826.
         thigh_thickness: Distance from the axis of a thigh to its back at the contact with the seat, in [m]:
@@ -220,7 +220,7 @@ class ChairParameters(quantities.Parameters):
             the 95th percentile).
         thigh_position: Position of that contact, as a share of the way from hip to knee (an assumption).
         friction_coefficient: Coulomb coefficient (an assumption; models of sitting have 0.6 to 0.9).
-        transition_velocity: Transition velocity of the regularised friction in [m] / [s] (an assumption).
+        transition_velocity: Transition velocity of the regularised friction in [m/s] (an assumption).
     """
 
     height: Annotated[quantities.Length, quantities.Range(0.3, 0.7)] = 0.45

@@ -42,10 +42,10 @@ class FrictionParameters(_FrictionLaw):
     """Parameters of the rotational friction law, equation (3.1) of the thesis.
 
     Attributes:
-        breakaway_torque: Break-away torque a in [N m].
-        coulomb_friction: Coulomb friction b in [N m].
-        breakaway_velocity: Break-away velocity c in [rad] / [s].
-        viscous_friction: Viscous friction d in [N m s] / [rad].
+        breakaway_torque: Break-away torque a in [N·m].
+        coulomb_friction: Coulomb friction b in [N·m].
+        breakaway_velocity: Break-away velocity c in [rad/s].
+        viscous_friction: Viscous friction d in [N·m·s/rad].
     """
 
     kind = "rotational"
@@ -69,7 +69,7 @@ class FrictionParameters(_FrictionLaw):
             quantities.NOT_NEGATIVE.require(f"{name} (with the sign of c)", getattr(law, name))
         # The law dips near c/√2 if a < b; there tanh(10/√2) is 1.4e-6 below 1, so a and d must compensate it.
         floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
-        expected = "some breakaway or viscous friction, without which the dip of the law drives the joint"
+        expected = "more breakaway or viscous friction, so that the law drives the joint at no speed"
         require(floor >= 2e-6 * law.coulomb_friction, "breakaway_torque", expected, self.breakaway_torque)
 
     def normalised(self) -> FrictionParameters:
@@ -110,14 +110,14 @@ class StribeckFriction(_FrictionLaw):
     between the directions is the same as an offset.
 
     Attributes:
-        coulomb_friction: Coulomb friction T_c in [N m].
-        breakaway_torque: Break-away torque T_b in [N m]; None for T_c, without a Stribeck effect.
-        stribeck_velocity: Stribeck velocity ω_st in [rad] / [s]; None if there is no break-away torque.
+        coulomb_friction: Coulomb friction T_c in [N·m].
+        breakaway_torque: Break-away torque T_b in [N·m]; None for T_c, without a Stribeck effect.
+        stribeck_velocity: Stribeck velocity ω_st in [rad/s]; None if there is no break-away torque.
         stribeck_exponent: Exponent δ of the Stribeck curve, often 2.
-        viscous_friction_forward: Viscous friction d+ forwards in [N m] at 1 rad/s.
-        viscous_friction_backward: Viscous friction d- backwards in [N m] at 1 rad/s.
+        viscous_friction_forward: Viscous friction d+ forwards in [N·m] at 1 rad/s.
+        viscous_friction_backward: Viscous friction d- backwards in [N·m] at 1 rad/s.
         viscous_exponent: Exponent α of the viscous friction, 1 for linear friction.
-        offset: Offset T_0 in [N m].
+        offset: Offset T_0 in [N·m].
     """
 
     law: ClassVar[int]
@@ -134,10 +134,10 @@ class StribeckFriction(_FrictionLaw):
         """Check the ranges: no law may accelerate a joint that slides."""
         super().__post_init__()
         paired = (self.breakaway_torque is None) == (self.stribeck_velocity is None)
-        expected = "one beside a breakaway_torque, or neither of them"
+        expected = "both stribeck_velocity and breakaway_torque, or neither"
         require(paired, "stribeck_velocity", expected, self.stribeck_velocity)
         least = min(self.coulomb_friction, self.breakaway_torque or self.coulomb_friction)
-        expected = f"less than the {least:g} N m that it adds to, either sign"
+        expected = f"less than the {least:g} N·m to which it is added, with either sign"
         require(abs(self.offset) < least, "offset", expected, self.offset)
 
     def scaled(self, ratio: float) -> FrictionLaw:
@@ -163,7 +163,7 @@ class AsymmetricFriction(StribeckFriction):
     A static law does not hold a joint: it creeps, with an offset by itself at ω_t artanh(T_0 / T_b).
 
     Attributes:
-        transition_velocity: Velocity ω_t in [rad] / [s], within which the torque changes its direction.
+        transition_velocity: Velocity ω_t in [rad/s], within which the torque changes its direction.
     """
 
     kind: ClassVar[str] = "asymmetric"
@@ -180,8 +180,8 @@ class LuGreFriction(StribeckFriction):
     :func:`twin_gait.core.friction.friction_torque`.
 
     Attributes:
-        bristle_stiffness: Stiffness σ0 of the bristles in [N m] / [rad].
-        bristle_damping: Damping σ1 of the bristles in [N m s] / [rad].
+        bristle_stiffness: Stiffness σ0 of the bristles in [N·m/rad].
+        bristle_damping: Damping σ1 of the bristles in [N·m·s/rad].
     """
 
     kind: ClassVar[str] = "lugre"

@@ -20,7 +20,7 @@ NODES = (CCU, *BOARDS)  # All nodes of the bus.
 
 BIT_RATES = quantities.Range(10e3, 1e6, words="10000 to 1e+06 bit/s, the range of CAN 2.0")
 CYCLES = quantities.Range(1e-3, 0.1, words="0.001 to 0.1 s")  # The shortest one is a tick of the boards.
-DRIFTS = quantities.Range(-0.01, 0.01, words="0.01 at most, either way")
+DRIFTS = quantities.Range(-0.01, 0.01, words="at most 0.01, with either sign")
 DELAYS = quantities.Range(0.0, 0.1, words="0 s to 0.1 s in whole milliseconds")
 _SECONDS = r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
 _SHAPE = re.compile(rf"([a-z_]+)(?::([a-z_]+))?@{_SECONDS}s(?:={_SECONDS}(m?)s)?")
@@ -47,7 +47,7 @@ class Outage:
 
     kind: OutageKind  # Kind of the outage.
     time: float  # Start in [s].
-    node: str | None = None  # Name of the node, one of :data:`NODES`; None for the silence of the whole bus.
+    node: str | None = None  # Name of the node, one of :data:`NODES`; None if all nodes are silent.
     # Duration in [s], infinite for a permanent outage; without meaning for ``bus_off``, after which a node
     # recovers according to the parameters of the network.
     duration: float = math.inf
@@ -60,7 +60,8 @@ class Outage:
         require(whole or self.node in NODES, f"node of {self.kind}", known, self.node)
         require(self.duration > 0.0, f"duration of {self.kind}", "a time above 0", self.duration)
         endless = self.kind is not OutageKind.BUS_OFF or math.isinf(self.duration)
-        require(endless, "duration of bus_off", "none; see bus_off_recovery", self.duration)
+        none = "no duration, because bus_off_recovery sets it"
+        require(endless, "duration of bus_off", none, self.duration)
 
     def __str__(self) -> str:
         """Write the outage in its notation, which :func:`parse_outage` reads."""
@@ -96,7 +97,7 @@ class NetworkParameters(quantities.Parameters):
     All values except the cycle are assumptions; the defaults are a healthy bus.
 
     Attributes:
-        bit_rate: Bit rate in [bit] / [s]. The eight frames of a cycle of 2 ms take half of 1 Mbit/s, the
+        bit_rate: Bit rate in [bit/s]. The eight frames of a cycle of 2 ms take half of 1 Mbit/s, the
             maximum of CAN 2.0, and more than 500 kbit/s.
         dbc: File with the layout of the frames, or name of the one that ships.
         cycle: Period of setpoints and measurements in [s].
@@ -152,8 +153,8 @@ class NetworkParameters(quantities.Parameters):
         Every named board has to exist, and every outage has to begin before the end of the run.
         """
         boards, controlled = (", ".join(names) for names in (BOARD_JOINTS, joints))
-        wanted = f"a gait table for {boards}, whose boards are on the bus; or take network: ideal"
-        require(tuple(joints) == BOARD_JOINTS, "network", wanted, controlled)
+        expected = f"a gait table for {boards}, whose boards are on the bus, or network: ideal"
+        require(tuple(joints) == BOARD_JOINTS, "network", expected, controlled)
         there = (CCU, *(board for board in BOARDS if board.partition("_")[0] in sides))
         for board in (*self.phase, *self.clock_drift):
             require(board in there, "network phase and clock_drift", f"of {', '.join(there[1:])}", board)

@@ -1,8 +1,8 @@
-"""Declaration of parameters: each one once, as an annotated field of a frozen dataclass.
+"""Declaration of parameters: each parameter is declared once, as an annotated field of a frozen dataclass.
 
-A field declares its type, its unit, its range and its default; the docstring of its class gives its meaning
-and its source. Checks of values, the YAML of experiments and gait tables, their JSON Schema and the reference
-pages are generated from it.
+A field declares type, unit, range and default of a parameter; the docstring of its class states meaning and
+source. Checks of values, the YAML of experiments and gait tables, their JSON Schema and the reference pages
+are generated from these declarations.
 
 >>> @dataclass(frozen=True, kw_only=True)
 ... class Spring(Parameters):
@@ -34,7 +34,8 @@ Record = TypeVar("Record")
 
 DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # Values in SI.
 
-# Suffixes of keys that give one quantity in several units; each new unit adds its own.
+# Units at the end of keys, of all quantities that files may give in several units. Each ``QuantityUnits``
+# adds its own.
 EXCHANGEABLE: set[str] = set()
 
 
@@ -42,12 +43,12 @@ class QuantityUnits:
     """Units in which a file may give a quantity.
 
     Attributes:
-        factors: SI value of one unit, by the suffix of the key; the unit of SI first.
-        plausible_range: Range of the quantity, which completes that of a field.
+        factors: SI value of one unit, by the suffix of the key; the SI unit is the first.
+        plausible_range: Plausible range of the quantity, for the limits that a field does not set.
     """
 
     def __init__(self, si: str, general: "Range | None" = None, **others: float) -> None:
-        """Set the unit of SI, the range of the quantity in it, and other units with their values in SI."""
+        """Store the SI unit, the plausible range in this unit, and other units with their values in SI."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
         self.plausible_range = general
         EXCHANGEABLE.update(end for end in self.factors if others and end)
@@ -64,19 +65,19 @@ class Key:
 class Notation:
     """A value that a file gives as text, for example ``encoder_freeze:left_knee@4.2s``."""
 
-    read: Callable[[str], Any]  # Function from the text to the value, whose ``str`` is the text.
+    read: Callable[[str], Any]  # Function that converts the text to the value; ``str`` converts it back.
 
 
 @dataclass(frozen=True)
 class AllowedKeys:
-    """Names that the keys of a mapping may have."""
+    """Restriction of the keys of a mapping to some names."""
 
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class UnitInKeys:
-    """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, instead of its own key."""
+    """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, not of the field's key."""
 
 
 @dataclass(frozen=True)
@@ -86,35 +87,35 @@ class Inline:
 
 @dataclass(frozen=True)
 class LiteralAlias:
-    """Words that a file may give instead of a section."""
+    """Words that a file may contain instead of a section."""
 
-    null_word: str  # Word for None.
-    kind: str  # Word for the parameters, which a section may give under ``kind``.
+    null_word: str  # Word that stands for None.
+    kind: str  # Word that stands for the default parameters; a section may state it under ``kind``.
 
 
 @dataclass(frozen=True)
 class CustomSerialized:
-    """A field with its own serialization, for which its section has a reader."""
+    """A field with its own serialization, which the section of its class in files implements."""
 
 
-# Quantities with their units in files, and the largest magnitude that is plausible in a device, a wearer and
-# their surroundings, with the reason. A field may narrow it.
+# Quantities with their units in files, and the largest magnitude that is plausible for a device, a wearer and
+# their surroundings, with the reason. A field may narrow the range.
 Angle = Annotated[float, QuantityUnits("rad", symmetric_range(math.pi, "half a turn"), deg=DEGREE)]
 AngularVelocity = Annotated[
     float, QuantityUnits("rad_per_s", symmetric_range(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
 ]
 Acceleration = Annotated[float, QuantityUnits("m_per_s2", symmetric_range(30.0, "three times gravity"))]
 AngularAcceleration = Annotated[
-    float, QuantityUnits("rad_per_s2", symmetric_range(1e3, "100 N·m on a foot of 0.1 kg m²"))
+    float, QuantityUnits("rad_per_s2", symmetric_range(1e3, "100 N·m on a foot of 0.1 kg·m²"))
 ]
 BitRate = Annotated[
-    float, QuantityUnits("bit_per_s", symmetric_range(1e6, "the most that CAN 2.0 has"), kbit_per_s=1e3)
+    float, QuantityUnits("bit_per_s", symmetric_range(1e6, "the largest rate of CAN 2.0"), kbit_per_s=1e3)
 ]
 Current = Annotated[
     float, QuantityUnits("A", symmetric_range(100.0, "above the stall current of the motors, 70 A at 24 V"))
 ]
 Drift = Annotated[
-    float, QuantityUnits("", symmetric_range(0.01, "a hundred times that of a poor oscillator"), ppm=1e-6)
+    float, QuantityUnits("", symmetric_range(0.01, "100 times the drift of a poor oscillator"), ppm=1e-6)
 ]
 Energy = Annotated[float, QuantityUnits("J", symmetric_range(1e7, "2.8 kWh, 15 kg of lithium cells"))]
 Force = Annotated[
@@ -124,17 +125,19 @@ Frequency = Annotated[
     float, QuantityUnits("Hz", symmetric_range(1e5, "the fastest inverters of such drives"))
 ]
 HertzStiffness = Annotated[
-    float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel 1 mm deep under 316 N"))
+    float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel compressed by 1 mm under 316 N"))
 ]
 Inertia = Annotated[float, QuantityUnits("kgm2", symmetric_range(10.0, "a straight leg about its hip has 6"))]
 Length = Annotated[float, QuantityUnits("m", symmetric_range(3.0, "more than a person with raised arms"))]
 LinearDamping = Annotated[
-    float, QuantityUnits("Ns_per_m", symmetric_range(9e4, "critical for 200 kg on 1e7 N/m"))
+    float, QuantityUnits("Ns_per_m", symmetric_range(9e4, "critical damping of 200 kg on 1e7 N/m"))
 ]
 LinearDissipation = Annotated[
-    float, QuantityUnits("s_per_m", symmetric_range(100.0, "forces that double at 1 cm/s"))
+    float, QuantityUnits("s_per_m", symmetric_range(100.0, "a force that doubles at 1 cm/s"))
 ]
-LinearStiffness = Annotated[float, QuantityUnits("N_per_m", symmetric_range(1e7, "0.1 mm under 1000 N"))]
+LinearStiffness = Annotated[
+    float, QuantityUnits("N_per_m", symmetric_range(1e7, "a deflection of 0.1 mm under 1000 N"))
+]
 Mass = Annotated[
     float, QuantityUnits("kg", symmetric_range(200.0, "the heaviest wearer with device and load"))
 ]
@@ -154,16 +157,18 @@ RotaryDamping = Annotated[
     float,
     QuantityUnits(
         "Nms_per_rad",
-        symmetric_range(1e4, "ten times critical on the gear's spring"),
+        symmetric_range(1e4, "ten times critical damping on the gear's spring"),
         Nms_per_deg=1.0 / DEGREE,
     ),
 ]
 RotaryDissipation = Annotated[
-    float, QuantityUnits("s_per_rad", symmetric_range(100.0, "torques that double at 10 mrad/s"))
+    float, QuantityUnits("s_per_rad", symmetric_range(100.0, "a torque that doubles at 10 mrad/s"))
 ]
 RotaryStiffness = Annotated[
     float,
-    QuantityUnits("Nm_per_rad", symmetric_range(1e6, "0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE),
+    QuantityUnits(
+        "Nm_per_rad", symmetric_range(1e6, "a deflection of 0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE
+    ),
 ]
 Speed = Annotated[
     float, QuantityUnits("m_per_s", symmetric_range(10.0, "faster than people run"), km_per_h=KM_PER_H)
@@ -174,10 +179,10 @@ ShortTime = Annotated[
 ]
 Torque = Annotated[float, QuantityUnits("Nm", symmetric_range(1e3, "ten times the limit of the gear"))]
 TorqueConstant = Annotated[
-    float, QuantityUnits("Nm_per_A", symmetric_range(10.0, "a hundred times that of the motors"))
+    float, QuantityUnits("Nm_per_A", symmetric_range(10.0, "a hundred times the constant of the motors"))
 ]
 Voltage = Annotated[
-    float, QuantityUnits("V", symmetric_range(120.0, "where extra-low voltage ends, IEC 61140"))
+    float, QuantityUnits("V", symmetric_range(120.0, "the limit of extra-low voltage, IEC 61140"))
 ]
 
 
@@ -189,21 +194,21 @@ class Declaration:
     kind: Any  # Type of the field without ``None``.
     optional: bool  # Whether the value may be None.
     default: Any  # Default value; ``dataclasses.MISSING`` without one.
-    unit: QuantityUnits | None  # Units, None if it is no quantity.
-    range: Range | None  # Range, None if it is no number.
+    unit: QuantityUnits | None  # Units; None if it is not a physical quantity.
+    range: Range | None  # Range; None if it is not a number.
     key: str  # Name in a file, without the unit.
     meaning: str  # Meaning from the docstring of the class, in one line.
-    annotations: tuple[Any, ...]  # Further annotations of the field.
+    annotations: tuple[Any, ...]  # All annotations of the field.
 
     @property
     def keys(self) -> Mapping[str, float]:
-        """Keys in a file, with the SI value of their unit."""
-        own = (
+        """Keys in a file, each with the SI value of its unit."""
+        in_key = (
             self.unit is not None
             and not self.find_annotation(UnitInKeys)
             and not self.find_annotation(Inline)
         )
-        factors = self.unit.factors if self.unit is not None and own else {"": 1.0}
+        factors = self.unit.factors if self.unit is not None and in_key else {"": 1.0}
         return {f"{self.key}_{end}" if end else self.key: factor for end, factor in factors.items()}
 
     def find_annotation(self, kind: type[Any]) -> Any:
@@ -221,8 +226,8 @@ class Declaration:
 class Parameters:
     """Base of frozen dataclasses of parameters; values are checked against their declarations on creation."""
 
-    kind: ClassVar[str] = ""  # Name in a file if there are several kinds.
-    tag: ClassVar[str] = "kind"  # Key of that name.
+    kind: ClassVar[str] = ""  # Name in a file if a section has several kinds.
+    tag: ClassVar[str] = "kind"  # Key of this name in a file.
 
     def __post_init__(self) -> None:
         """Convert every value according to its declaration."""
@@ -325,9 +330,9 @@ def _meanings(parameters: Any) -> dict[str, str]:
 
 
 def from_attributes(kind: type[Record], source: Any, **more: Any) -> Record:
-    """Create a record whose fields are attributes of the same name of another object, or among ``more``.
+    """Create a record from the attributes of another object that have the names of its fields.
 
-    A field that is found in neither keeps its default.
+    ``more``: values of other fields; they take precedence. A field that is in neither has its default.
     """
     found = {name: getattr(source, name) for name in field_names(kind) if hasattr(source, name)}
     return kind(**(found | more))

@@ -38,8 +38,8 @@ class JointCondition(quantities.Parameters):
         passive: Share of the passive moment of healthy men (Riener and Edrich 1999).
         contracture: Contracture in [rad]: the passive moment at an angle is that of a healthy joint that is
             extended further by the contracture.
-        stretch_reflex_threshold: Speed above which a spastic muscle resists, in [rad] / [s].
-        stretch_reflex_gain: Gain of the stretch reflex in [N m s] / [rad]; 0 without spasticity.
+        stretch_reflex_threshold: Speed above which a spastic muscle resists, in [rad/s].
+        stretch_reflex_gain: Gain of the stretch reflex in [N·m·s/rad]; 0 without spasticity.
         effort: Share of the normative moment that the wearer intends to produce.
         strength: Share of this moment that the muscles can produce; less than 1 is weakness.
     """
@@ -54,7 +54,7 @@ class JointCondition(quantities.Parameters):
     def __post_init__(self) -> None:
         """Check the ranges, and that there is a passive moment if there is a contracture."""
         super().__post_init__()
-        expected = "0 without a passive moment that it could shift (passive is 0)"
+        expected = "0 if passive is 0, because there is no passive moment that it could shift"
         require(self.contracture == 0.0 or self.passive > 0.0, "contracture", expected, self.contracture)
 
     @property

@@ -45,7 +45,7 @@ class Replay:
 
     table: GaitTable  # the gait table
     recording: Recording  # the walk
-    # fast velocity estimate of each recorded joint of the table in [rad] / [s], shape ``(n,)``
+    # fast velocity estimate of each recorded joint of the table in [rad/s], shape ``(n,)``
     velocities: Mapping[tuple[Side, str], np.ndarray]
     phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
     switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
@@ -60,8 +60,8 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
     GaitTableError if the guards need a signal that was not recorded.
     """
     total, sides, program = recording.n_ticks, recording.sides, compile_guards(table)
-    own = {side: _leg_signals(recording, table, side) for side in sides}
-    known = {side: _available_signals(recording, own, side) for side in sides}
+    leg_signals = {side: _leg_signals(recording, table, side) for side in sides}
+    known = {side: _available_signals(recording, leg_signals, side) for side in sides}
     assumed = _assumed_commands(recording, table, known)
     starts = {side: str(phases[0]) for side, phases in recording.phases.items()} | {**recording.starts}
     first = {side: phase for side, phase in starts.items() if phase in table.phases}
@@ -89,7 +89,7 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
         phase[tick] = [machine.phase_index for machine in machines]
     driven = [(side, joint) for side, joint in recording.angles if joint in table.joints]
     velocities = {
-        (side, joint): own[side][signals.VELOCITY.joint_signal_name(joint)] for side, joint in driven
+        (side, joint): leg_signals[side][signals.VELOCITY.joint_signal_name(joint)] for side, joint in driven
     }
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
     return Replay(table, recording, velocities, phases, tuple(switches), assumed)
@@ -104,22 +104,25 @@ def _leg_signals(recording: Recording, table: GaitTable, side: Side) -> Signals:
         for tick, value in enumerate(recording.angles[side, joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
-        found[signals.ANGLE.joint_signal_name(joint)], found[signals.VELOCITY.joint_signal_name(joint)] = (
-            measured
-        )
+        angle, velocity = measured
+        found[signals.ANGLE.joint_signal_name(joint)] = angle
+        found[signals.VELOCITY.joint_signal_name(joint)] = velocity
     if recording.body_weight is not None and side in recording.loads:
         found[signals.LOAD.name] = recording.loads[side] / recording.body_weight
     return found
 
 
-def _available_signals(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
+def _available_signals(recording: Recording, leg_signals: Mapping[Side, Signals], side: Side) -> Signals:
     """Return the signals that the guards of a leg can read; 0 for those that are counted tick by tick."""
-    counted = [signals.TIME] if len(own) == 1 else [signals.TIME, signals.OTHER_TIME, OTHER_PHASE]
+    counted = [signals.TIME] if len(leg_signals) == 1 else [signals.TIME, signals.OTHER_TIME, OTHER_PHASE]
     others = {
-        signals.OTHER + name: item for other in own if other is not side for name, item in own[other].items()
+        signals.OTHER + name: item
+        for other in leg_signals
+        if other is not side
+        for name, item in leg_signals[other].items()
     }
     still = np.zeros(recording.n_ticks)
-    return {**dict.fromkeys(counted, still), **recording.device, **own[side], **others}
+    return {**dict.fromkeys(counted, still), **recording.device, **leg_signals[side], **others}
 
 
 def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
@@ -174,7 +177,7 @@ def replay_log(
 
     ``log``: run directory, log file, or a walk from the literature such as ``koopman@1.5``. ``table``:
     packaged table or file; the default is the table of the run, or ``treadmill``. ``log_format``: columns,
-    units and signs of the log. ``speed``: speed of the belt in [m] / [s] to which the table is scaled; the
+    units and signs of the log. ``speed``: speed of the belt in [m/s] to which the table is scaled; the
     default is the speed of the run, and without one the table is not scaled. ``mass``: mass of wearer and
     device in [kg], for guards on the load of the foot; the default is that of the run. Raises TwinGaitError
     if log, table or options have a mistake, or do not fit each other.
@@ -203,7 +206,7 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
     path = Path(log).expanduser()
     if is_normative(log):
         if log_format != LogFormat():
-            text = "is no log; leave columns, units, convention, gaps and the time of a cycle out"
+            text = "is not a log; leave columns, units, convention, gaps and the time of a cycle out"
             raise ParameterError(f"{log}: {text}")
         return normative_walk(log), None
     if not path.is_dir():

@@ -65,9 +65,7 @@ class LogFormat:
         """Check names, units and numbers."""
         for quantity in self.columns:
             if quantity not in _USUAL_NAMES:
-                raise ParameterError(
-                    f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL_NAMES)}"
-                )
+                raise ParameterError(f"columns: expected one of {', '.join(_USUAL_NAMES)}, got {quantity!r}")
         require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
         require(self.time_unit in (None, *TIMES), "time_unit", " or ".join(TIMES), self.time_unit)
         POSITIVE.require("max_gap", self.max_gap)
@@ -127,8 +125,10 @@ def _find_columns(table: LogTable, log_format: LogFormat, convention: Convention
     """Return the column that is named for each quantity, or else its first usual one in the table."""
     usual = dict(_USUAL_NAMES)
     if convention.name != OWN_CONVENTION.name:
-        own = convention.columns
-        usual |= {name: (own[place].lower(),) if place in own else () for name, place in _ANGLES.items()}
+        columns = convention.columns
+        usual |= {
+            name: (columns[joint].lower(),) if joint in columns else () for name, joint in _ANGLES.items()
+        }
     found = {quantity: table.signed_name(column) for quantity, column in log_format.columns.items()}
     named = {name for name, _ in found.values()}
     for quantity in usual.keys() - found.keys():
@@ -149,7 +149,7 @@ def _find_columns(table: LogTable, log_format: LogFormat, convention: Convention
             raise ParameterFileError(table.source, name, text)
         users[name] = quantity
         if sign < 0.0 and quantity in _PHASES.values():
-            raise ParameterFileError(table.source, name, f"is a {quantity}, which has no sign to turn")
+            raise ParameterFileError(table.source, name, f"is a {quantity}, whose sign cannot be inverted")
     return found
 
 
@@ -171,10 +171,8 @@ def _drop_repeated_rows(table: LogTable, time: np.ndarray, column: str) -> tuple
     same = np.flatnonzero(np.diff(time) == 0.0) + 1
     if not len(same):
         return table, time
-    rows, before = (
-        table.frame.iloc[same].astype(str).to_numpy(),
-        table.frame.iloc[same - 1].astype(str).to_numpy(),
-    )
+    rows = table.frame.iloc[same].astype(str).to_numpy()
+    before = table.frame.iloc[same - 1].astype(str).to_numpy()
     repeated = same[(rows == before).all(axis=1)]
     if not len(repeated):
         return table, time
@@ -195,7 +193,7 @@ def _factor(
     if units is ANGLES:
         stated = stated or log_format.units or table.unit or convention.unit
         if stated is None:
-            problem = "does not say its unit: add --units deg or --units rad"
+            problem = "does not state its unit; add --units deg or --units rad"
             raise ParameterFileError(table.source, column, problem)
     return units[stated] if stated else 1.0
 

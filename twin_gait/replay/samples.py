@@ -128,7 +128,7 @@ def repeat_stride(
     instants = np.append(np.add.outer(np.arange(strides), share[:-1]).ravel(), strides) * cycle_time
     columns = _numbers(samples)
     open_ended = [
-        f"the {side} {joint} ends {degrees:.0f} deg from its start: is the log one whole stride?"
+        f"the {side} {joint} ends {degrees:.0f} deg from its start: use a log of exactly one stride"
         for (side, joint), values in samples.angles.items()
         if (degrees := abs(np.degrees(values[-1] - values[0]))) > _CLOSED
     ]

@@ -82,7 +82,8 @@ def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
         f"shorter than {shortest:g} s": lasts < shortest,
         f"longer than {longest:g} s": lasts > longest,
         f"with less than {LEAST_HIP_RANGE:g} deg of hip motion": moves < LEAST_HIP_RANGE,
-        "no whole cycle of the hip, which ends them far from where it began": ends > OPEN_SHARE * moves,
+        "no whole cycle of the hip, whose angle at the end differs from that at the start": ends
+        > OPEN_SHARE * moves,
     }
     return [
         f"{wrong.sum()} of {len(strides)} strides by the table are {text}: these are no strides of walking"
@@ -109,10 +110,10 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     names, recorded = np.array(result.table.phase_names), result.recording.phases
     cycles, sides, warnings = allowed_cycles(result.table), {}, list(result.recording.warnings)
     for side in result.recording.sides:
-        phases, own = result.phases[side], (item for item in result.switches if item.side is side)
+        phases, leg_switches = result.phases[side], (item for item in result.switches if item.side is side)
         strides = stride_phases(phases)
         # Switches into postures come first, then all others in the order of the table.
-        counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
+        counts = Counter((item.transition, item.source, item.target, item.cause) for item in leg_switches)
         if (side, JointName.HIP) in result.recording.angles:
             doubts = doubtful_strides(result.recording.angles[side, JointName.HIP], strides)
             warnings += [f"{side}: {text}" for text in doubts]
@@ -199,9 +200,9 @@ def replay_figure(result: Replay) -> Figure:
             lines += axes.plot(time, angle, color=JOINT_COLOURS[JointName(joint)], label=f"{joint} angle")
         causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
         for switch in result.switches:
-            place = recording.start + switch.time
-            if switch.side is side and place >= time[0]:
-                column[0].text(place, 1.03, name_to_words(switch.cause), ha="center", **causes)
+            switch_time = recording.start + switch.time
+            if switch.side is side and switch_time >= time[0]:
+                column[0].text(switch_time, 1.03, name_to_words(switch.cause), ha="center", **causes)
         if side in recording.phases:
             recorded = [names.index(name) for name in recording.phases[side][-SHOWN_TICKS:]]
             canvas.shade_phases(column[-1], time, np.array(recorded), names)

@@ -40,10 +40,11 @@ from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
 RESOLUTION = 130  # [dots per inch]
-BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
-SCREEN_WIDTH = 11.0  # [inches]
-LEGEND_COLUMN, LEGEND_ROW = 1.65, 0.18  # [inches]
-EDGE, TITLE_LINE, PANEL_TITLE = 0.06, 0.2, 0.28  # [inches]
+BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9  # opacity of phases in the background and at the top of a panel
+SCREEN_WIDTH = 11.0  # [inches] smallest width of a figure for the screen
+LEGEND_COLUMN, LEGEND_ROW = 1.65, 0.18  # [inches] width of a column and height of a row of the legend
+# Margin of the figure, height of a line of its title, height of the title of a panel, in [inches].
+EDGE, TITLE_LINE, PANEL_TITLE = 0.06, 0.2, 0.28
 LEFT, RIGHT, X_TICKS, X_LABEL, Y_TICKS = 0.9, 0.17, 0.06, 0.5, 0.3  # [inches] margins of panels
 MOST_EVENTS = 3  # largest number of events in a title
 HELD = -1  # replaces the index of a phase after a trip
@@ -63,7 +64,7 @@ class Pictures(NamedTuple):
 
 @contextlib.contextmanager
 def standard_settings(more: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Draw with the defaults of matplotlib and ``more``, whatever a matplotlibrc of the user sets."""
+    """Use the defaults of matplotlib and ``more`` in a block; a matplotlibrc of the user has no effect."""
     settings: dict[Any, Any] = {**_STANDARD, **(more or {})}
     with mpl.rc_context(settings):
         yield
@@ -78,25 +79,25 @@ def style_panel(axes: Axes, title: str, unit: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequence[str]) -> None:
+def shade_phases(axes: Axes, positions: np.ndarray, phases: np.ndarray, names: Sequence[str]) -> None:
     """Colour the background of a panel by phase.
 
-    ``places``: horizontal coordinate of each sample, ascending, shape ``(n,)``; ``phases``: index of the
+    ``positions``: horizontal coordinate of each sample, ascending, shape ``(n,)``; ``phases``: index of the
     phase at each sample, or ``HELD``, shape ``(n,)``.
     """
     spells = phase_spells(phases)
     colours = [colour_of(spell.phase, names) for spell in spells]
-    starts = places[[spell.start for spell in spells]]
-    bands = np.column_stack((starts, np.diff(starts, append=places[-1]))).tolist()
+    starts = positions[[spell.start for spell in spells]]
+    bands = np.column_stack((starts, np.diff(starts, append=positions[-1]))).tolist()
     style: dict[str, Any] = {"facecolors": colours, "linewidth": 0, "zorder": 1}
     for bottom, opacity in ((0.0, BAND_OPACITY), (STRIP, STRIP_OPACITY)):
         whole = axes.get_xaxis_transform()
         axes.broken_barh(bands, (bottom, 1.0 - bottom), transform=whole, alpha=opacity, **style)
-    axes.set_xlim(places[0], places[-1])
+    axes.set_xlim(positions[0], positions[-1])
 
 
 def colour_of(phase: int, names: Sequence[str]) -> str:
-    """Return the colour of a phase by its index, or that of ``HELD``."""
+    """Return the colour of a phase; ``phase``: index in ``names``, or ``HELD``."""
     return HELD_COLOUR if phase == HELD else phase_colour(names[phase], phase)
 
 
@@ -131,7 +132,7 @@ def legend_rows(figure: Figure) -> int:
 def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:
     """Return a figure as PNG, PDF or SVG; the same figure gives the same bytes.
 
-    Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
+    Text stays text in PDF (TrueType) and becomes outlines in SVG, so that it looks the same everywhere.
     ``resolution``: resolution of a PNG in dots per inch.
     """
     undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
@@ -144,9 +145,10 @@ def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTIO
 
 
 def write_pictures(drawings: Mapping[str, Drawing], folder: Path) -> Pictures:
-    """Draw pictures and write them as PNG under their names into a folder, which may be new.
+    """Draw pictures and write them as PNG under their names into a folder, which is created if needed.
 
-    A picture that cannot be drawn is left out and its reason is returned, so that no numbers are lost.
+    A picture that cannot be drawn is left out, and its error is returned instead of raised, so that the
+    numbers of a run are still written.
     """
     folder.mkdir(exist_ok=True)
     pictures = Pictures({}, {})
@@ -171,7 +173,7 @@ def write_figures_page(
     tables: Mapping[str, Sequence[Sequence[str]]],
     heading_of: Callable[[str], str] = name_to_words,
 ) -> dict[str, str]:
-    """Write figures into a folder, and a page that shows them between a table and further tables.
+    """Write figures into a folder, and a page that shows them after one table and before other tables.
 
     The first row of a table is its head. ``heading_of``: function from the name of a figure to its heading.
     Returns the reason of each figure that could not be drawn, by name.
@@ -193,14 +195,18 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
     return path
 
 
-SHOWN_STRIDES = 2
-SHOWN_WITHOUT_STRIDES = 6.0  # [s]
+SHOWN_STRIDES = 2  # number of strides in a figure over time
+SHOWN_WITHOUT_STRIDES = 6.0  # [s] length of a figure over time without strides or with an event
 SHOWN_BEFORE_EVENT = 1 / 3  # share of a window before the event
 _EVENT_STYLES = {EventKind.FAULT: "--", EventKind.TRIP: "-", EventKind.FALL: ":", EventKind.DIVERGENCE: ":"}
 
 
 def last_strides(run: Run) -> slice:
-    """Return the rows of a run's events, or of the last strides of its first leg, or of its last seconds."""
+    """Return the rows of the log for figures over time.
+
+    These are the rows around the first event, if the run has events; otherwise the last strides of the first
+    leg; otherwise, with too few strides, the last seconds.
+    """
     begins = run.leg_records()[0].stride_events
     if run.events or len(begins) <= SHOWN_STRIDES:
         return event_window(run, SHOWN_WITHOUT_STRIDES)
@@ -208,7 +214,7 @@ def last_strides(run: Run) -> slice:
 
 
 def event_window(run: Run, duration: float) -> slice:
-    """Return the rows of the end of a run or around its first event, for a ``duration`` in [s]."""
+    """Return the rows of a window of ``duration`` in [s]: around the first event of a run, or at its end."""
     length = round(duration / TICK)
     start = len(run.log) - length
     if run.events:
@@ -219,7 +225,7 @@ def event_window(run: Run, duration: float) -> slice:
 def shown_strides(record: LegRecord) -> np.ndarray:
     """Return the strides in a cycle picture: the settled ones, or the last one if none has settled.
 
-    Returns first tick of each stride and of the next one, shape ``(n_strides, 2)``.
+    Returns the first tick of each stride and of the next one, shape ``(n_strides, 2)``.
     """
     settled = record.strides(skip=SKIPPED_STRIDES)
     return settled if len(settled) else record.strides(skip=0)[-1:]
@@ -254,9 +260,9 @@ class RunFigure:
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
-        who, how = ", ".join(describe_wearer(run.experiment)), run.verdict.outcome or run.status
-        about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
-        text = "\n".join(filter(None, (title, about, " · ".join(events))))
+        wearer, result = ", ".join(describe_wearer(run.experiment)), run.verdict.outcome or run.status
+        run_line = f"{run.experiment.name} · {wearer} · {run.duration:.1f} s · {result}"
+        text = "\n".join(filter(None, (title, run_line, " · ".join(events))))
         self.on_screen = size[0] >= SCREEN_WIDTH
         self.figure = Figure(figsize=size, layout=None if self.on_screen else "constrained")
         if self.on_screen:
@@ -291,24 +297,25 @@ class RunFigure:
             phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
         return phases[rows or self.window]
 
-    def curve(self, axes: Axes, place: str, column: str, color: str, **style: Any) -> None:
+    def curve(self, axes: Axes, prefix: str, column: str, color: str, **style: Any) -> None:
         """Draw a column of the log over time in its display unit, with its name in the legend.
 
-        ``place``: prefix of the column by side and joint; ``style`` as for ``plot`` of matplotlib.
+        ``prefix``: prefix of the column by side and joint; ``style`` as for ``plot`` of matplotlib.
         """
-        label, values = label_of(column), self.run.log[place + column].to_numpy()
+        label, values = label_of(column), self.run.log[prefix + column].to_numpy()
         style = {"linewidth": 1.5, "color": color, "label": label.name, **style}
         self.lines += axes.plot(self.time, label.factor * values[self.window], **style)
 
     def limits(self, axes: Axes, values: Sequence[float], style: str, label: str, width: float = 1.2) -> None:
-        """Draw limits behind all curves."""
+        """Draw horizontal lines at limits, behind all curves; ``values`` in the unit of the axis."""
         options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width}
         self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
 
     def finish_time_plot(self, *lowest: Axes, phases: bool = True) -> Figure:
-        """Return the picture with events in all panels, and the time below the lowest ones or the last row.
+        """Return the picture with events in all panels and the time axis below some of them.
 
-        ``phases``: whether the phases are in the legend.
+        ``lowest``: panels with a time axis, by default the last row. ``phases``: whether the phases are in
+        the legend.
         """
         shown = [event for event in self.run.events if self.time[0] <= event.time <= self.time[-1]]
         for axes, event in itertools.product(self.figure.axes, shown):
@@ -368,10 +375,10 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
     """
     styles: dict[str, dict[str, Any]] = {name: {"color": colours[name], "linewidth": 1.5} for name in runs}
     healthy = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
-    places, shown = list(itertools.product(experiment.joints, experiment.leg.legs)), dict[str, Any]()
-    figure = Figure(figsize=(13.0 * len(places) / 6, 3.3), layout="constrained")
-    panels = figure.subplots(1, len(places), squeeze=False)[0]
-    for axes, (joint, side) in zip(panels, places, strict=True):
+    driven, shown = list(itertools.product(experiment.joints, experiment.leg.legs)), dict[str, Any]()
+    figure = Figure(figsize=(13.0 * len(driven) / 6, 3.3), layout="constrained")
+    panels = figure.subplots(1, len(driven), squeeze=False)[0]
+    for axes, (joint, side) in zip(panels, driven, strict=True):
         for name, run in runs.items():
             record = run.leg_record(side)
             cycles = normalise_strides(record.angles[joint], record.strides())

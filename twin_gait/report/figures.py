@@ -44,7 +44,7 @@ _THINNER = 0.55  # width of lines in print over their width on a screen
 _PRINT: dict[Any, float] = {
     "font.size": 7.0,  # [pt]; journals require 6 or more
     "axes.linewidth": 0.5,
-    **{f"{axis}tick.major.{what}": 2.0 for axis in "xy" for what in ("size", "pad")},
+    **{f"{axis}tick.major.{item}": 2.0 for axis in "xy" for item in ("size", "pad")},
     **{f"{axis}tick.major.width": 0.5 for axis in "xy"},
     "axes.labelpad": 2.0,
     "legend.handlelength": 1.6,
@@ -79,7 +79,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
         ParameterError: If there is no such picture, none for this run, or the width is out of range.
     """
     if figure not in FIGURES:
-        raise ParameterError(f"figure: no {figure!r}; there are {', '.join(FIGURES)}")
+        raise ParameterError(f"figure: expected one of {', '.join(FIGURES)}, got {figure!r}")
     if width_mm is not None and not NARROWEST <= width_mm <= WIDEST:
         raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width_mm:g}")
     width = SCREEN_WIDTH if width_mm is None else width_mm / INCH
@@ -87,7 +87,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
         drawn = FIGURES[figure](run, width=width) if len(run.log) > 1 else None
         if drawn is None:
             known = ", ".join(screen_figures(run)) or "none"
-            raise ParameterError(f"figure: this run has no {figure}; there are {known}")
+            raise ParameterError(f"figure: this run has no {figure}; expected one of {known}")
         if width_mm is not None:
             _letter_panels(drawn)
             _size(drawn)

@@ -14,16 +14,16 @@ from twin_gait.measures.strides import describe_stride_count
 
 def describe_wearer(experiment: Experiment) -> list[str]:
     """Describe the wearer and the walk: belt speed between its ramps, and body-weight support."""
-    patient, walking, who = experiment.patient, experiment.scenario.walking, ["no wearer"]
+    patient, walking, wearer = experiment.patient, experiment.scenario.walking, ["no wearer"]
     if patient is not None:
         name, size = identify_wearer(patient).label, f"{patient.mass:g} kg, {patient.height:.2f} m"
-        who = [f"{name}, {size}" if name else size]
+        wearer = [f"{name}, {size}" if name else size]
     walk = []
     if walking is not None and walking.belt.cruise:
         walk.append(f"{3.6 * walking.belt.cruise:.2f} km/h")
     if walking is not None and walking.support_share:
         walk.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
-    return who + [", ".join(walk)] * bool(walk)
+    return wearer + [", ".join(walk)] * bool(walk)
 
 
 def describe(experiment: Experiment) -> list[str]:
@@ -40,8 +40,8 @@ def amount(value: float | None, unit: str = "") -> str:
     """Format a number with its unit and about three significant digits; a dash for None."""
     if value is None:
         return DASH
-    places = sum(abs(value) < bound for bound in (1.0, 10.0, 100.0))
-    return f"{round(value, places) + 0.0:.{places}f} {unit}".strip().replace("-", "−")
+    decimals = sum(abs(value) < bound for bound in (1.0, 10.0, 100.0))
+    return f"{round(value, decimals) + 0.0:.{decimals}f} {unit}".strip().replace("-", "−")
 
 
 def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -78,7 +78,7 @@ def belt_carries_note(summary: Mapping[str, Any]) -> str:
     if not power or not power["belt_driven"]:
         return ""
     force = amount(power["guide_force_N"], "N")
-    return f"The belt carries this walk: it drags the feet back, and {force} at the pelvis hold against it."
+    return f"The belt drives this walk: it drags the feet backwards against {force} at the pelvis."
 
 
 def missing_peaks(summary: Mapping[str, Any]) -> list[str]:
@@ -95,9 +95,8 @@ def describe_strides(leg: Mapping[str, Any]) -> str:
     """Describe the strides of a leg in a summary: time, swing, double support; by phases without ground."""
     by = "_by_phase" if leg["strides"] is None else ""
     counted = leg[f"strides{by}_counted"]
-    text = (
-        f"{'in the air, by its phases ' if by else ''}{describe_stride_count(counted, leg[f'strides{by}'])}"
-    )
+    counted_by = "no ground contact, strides counted from the phases: " if by else ""
+    text = counted_by + describe_stride_count(counted, leg[f"strides{by}"])
     if counted:
         text += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
     if leg.get("swing_share") is not None:
@@ -109,7 +108,7 @@ def describe_strides(leg: Mapping[str, Any]) -> str:
 
 def format_table(table: Sequence[Sequence[str]]) -> Iterator[str]:
     """Return a table as lines of text, with the numbers aligned to the right."""
-    widths = [max(len(row[place]) for row in table) for place in range(len(table[0]))] if table else []
+    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))] if table else []
     for row in table:
         cells = [text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True)]
         yield "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()

@@ -104,7 +104,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
         for axes, (title, unit) in zip(column, _FORCE_PANELS, strict=True):
             style_panel(axes, f"{record.side} {title}", unit if record is records[0] else "")
             canvas.shade_phases(axes, PERCENT, phases, sheet.names)
-        load, forward, place = (
+        load, forward, cop = (
             run.log[f"{record.side}_foot_{end}"].to_numpy()
             for end in ("normal_force_N", "friction_force_N", "cop_ratio")
         )
@@ -113,7 +113,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
             _draw_mean_and_range(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
             if healthy is not None:
                 _draw_healthy(sheet, axes, healthy[number], "Winter (1991)")
-        draw_cycle_curve(column[2], cop_curve(place, load, bounds), color=BLACK, linewidth=1.8)
+        draw_cycle_curve(column[2], cop_curve(cop, load, bounds), color=BLACK, linewidth=1.8)
         for axes in column:
             axes.label_outer()
     grid[0, 0].set_ylim(bottom=0.0)
@@ -128,8 +128,8 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     sheet = RunFigure(run, "Joint angles", (width, 7.5), window)
     for axes, record, joint in sheet.leg_panels(FLEXION):
         name = f"{record.side}_{joint}_"
-        own = wearer_column(run.log, record.side, joint, "angle_rad").removeprefix(name)
-        sheet.curve(axes, name, own, BLACK, label="angle")
+        angle_column = wearer_column(run.log, record.side, joint, "angle_rad").removeprefix(name)
+        sheet.curve(axes, name, angle_column, BLACK, label="angle")
         sheet.curve(axes, name, "equilibrium_rad", REFERENCE_COLOUR, linestyle=":")
         if run.experiment.interface is not None:
             sheet.curve(axes, name, "angle_rad", ORANGE, label="angle of the device", linestyle="--")

@@ -68,7 +68,7 @@ def describe_condition(transition: Transition) -> str:
 def state_diagram_mermaid(table: StateTable) -> str:
     """Write the state diagram in Mermaid's ``stateDiagram-v2``."""
     # Phases have numbers, because a name of the table might be a keyword of Mermaid.
-    names = {phase: f"phase_{place}" for place, phase in enumerate(table.phase_names, start=1)}
+    names = {phase: f"phase_{number}" for number, phase in enumerate(table.phase_names, start=1)}
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
     lines += [f'    state "{_mermaid(name_to_words(phase))}" as {name}' for phase, name in names.items()]
     for item in table.transitions:
@@ -112,8 +112,8 @@ def state_diagram_svg(table: StateTable) -> str:
     Returns self-contained SVG that ends with a line break and adapts to a dark page.
     """
     boxes = [
-        (f"{place} {name_to_words(phase)}", phase_colour(phase, place - 1), _box_lines(table, phase))
-        for place, phase in enumerate(table.phases, start=1)
+        (f"{number} {name_to_words(phase)}", phase_colour(phase, number - 1), _box_lines(table, phase))
+        for number, phase in enumerate(table.phases, start=1)
     ]
     height = _HEADLINE + _LINE * max(len(lines) for *_, lines in boxes)
     content = {
@@ -122,7 +122,7 @@ def state_diagram_svg(table: StateTable) -> str:
         "box_height": height,
         "below": _BELOW,
         "arrows": arrows(table, height),
-        "said": list(_transition_lines(table)),
+        "descriptions": list(_transition_lines(table)),
         "hold": name_to_words(table.hold) if isinstance(table, ModeTable) else "",
     }
     return f"{render('state_diagram.svg', content)}\n"
@@ -131,19 +131,19 @@ def state_diagram_svg(table: StateTable) -> str:
 def arrows(table: StateTable, box_height: float) -> list[Arrow]:
     """Assign the arrows of a table to lanes next to its boxes, short arrows inside of long ones."""
     ways: dict[Edge, list[str]] = {}
-    for place, item in enumerate(table.transitions, start=1):
+    for number, item in enumerate(table.transitions, start=1):
         way = Edge(table.phase_index(item.source), table.phase_index(item.target), item.is_timeout)
-        ways.setdefault(way, []).append(str(place))
+        ways.setdefault(way, []).append(str(number))
     # Arrows at the edge of each box, with those that lead upwards above the others.
     edges = [
-        sorted((sum(way[:2]) - place, way) for way in ways if place in way[:2])
-        for place in range(len(table.phases))
+        sorted((sum(way[:2]) - number, way) for way in ways if number in way[:2])
+        for number in range(len(table.phases))
     ]
 
-    def level(place: int, way: Edge) -> float:
-        edge = edges[place]
-        rank = edge.index((sum(way[:2]) - place, way))
-        return place * (box_height + _BELOW) + box_height * (1 + rank) / (1 + len(edge))
+    def level(phase: int, way: Edge) -> float:
+        edge = edges[phase]
+        rank = edge.index((sum(way[:2]) - phase, way))
+        return phase * (box_height + _BELOW) + box_height * (1 + rank) / (1 + len(edge))
 
     laid: list[Arrow] = []
     for way in sorted(ways, key=lambda way: abs(way.source - way.target)):
@@ -157,9 +157,9 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
 
 def _transition_lines(table: StateTable) -> Iterator[str]:
     """Yield the lines of text that explain the numbers of the arrows."""
-    for place, item in enumerate(table.transitions, start=1):
+    for number, item in enumerate(table.transitions, start=1):
         way = f"{name_to_words(item.source)} → {name_to_words(item.target)}"
-        text = f"{place}  {way}, {name_to_words(item.cause)}: {describe_condition(item)}"
+        text = f"{number}  {way}, {name_to_words(item.cause)}: {describe_condition(item)}"
         yield from textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     ")
 
 
@@ -169,7 +169,7 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
         mode = table.phases[phase]
         remarks_by_text = {"walk": mode.walk, "step": mode.step, f"posture {mode.posture}": mode.posture}
         return [
-            *((text,) for text, tells in remarks_by_text.items() if tells),
+            *((text,) for text, applies in remarks_by_text.items() if applies),
             *((text,) for text in _stay(mode)),
         ]
     assert isinstance(table, GaitTable)  # a table is a mode table or a gait table
@@ -179,10 +179,11 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     share = format_number(common.gravity_compensation, _DIGITS)
     words = [f"gravity share {share}"] if common.gravity_compensation > 0.0 else []
     remarks = ", ".join([*words, *_stay(common)])
-    for side, own in table.side_phases.items():
-        if phase in own:
+    for side, phases in table.side_phases.items():
+        if phase in phases:
             rows += [
-                (f"{side} {name_to_words(name)}", *_cells(item)) for name, item in own[phase].joints.items()
+                (f"{side} {name_to_words(name)}", *_cells(item))
+                for name, item in phases[phase].joints.items()
             ]
     return [*rows, *([(remarks,)] if remarks else [])]
 

@@ -163,9 +163,9 @@ def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: st
     for panel, axis in zip(panels, axes, strict=True):
         found = main_effect(axis, values)
         bars = None if measure == WALKED else found["sd"].fillna(0.0)
-        places = range(len(found))
+        positions = range(len(found))
         panel.errorbar(
-            places, found["mean"], bars, fmt="o-", color=BLUE, lw=1.8, ms=5, elinewidth=1, capsize=3
+            positions, found["mean"], bars, fmt="o-", color=BLUE, lw=1.8, ms=5, elinewidth=1, capsize=3
         )
         style_panel(panel, "", fill(_measure_label(measure), LABEL_WIDTH))
         _name_levels(panel, axis, found["n"].tolist())

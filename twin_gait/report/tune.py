@@ -81,7 +81,7 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
     """Draw error over effort and over sensitivity, with the best compromises of the three marked.
 
     ``trade_offs``: ``candidates``, ``before`` and ``after``, see
-    :func:`twin_gait.studies.tune.walks.standing`.
+    :func:`twin_gait.studies.tune.walks.table_performance`.
     """
     figure = Figure(figsize=(canvas.SCREEN_WIDTH, 5.0), layout="constrained")
     panels = figure.subplots(1, 2)

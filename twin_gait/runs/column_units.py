@@ -20,8 +20,8 @@ _SYNONYMS = {
 
 def find_unit(text: str | None, units: Mapping[str, float]) -> str | None:
     """Return a unit in the spelling of ``units``, or None if it is not among them."""
-    wanted = (text or "").strip().replace(" ", "").replace("·", "").replace("_per_", "/")
-    spellings = (wanted, _SYNONYMS.get(wanted), wanted.lower(), _SYNONYMS.get(wanted.lower()))
+    spelling = (text or "").strip().replace(" ", "").replace("·", "").replace("_per_", "/")
+    spellings = (spelling, _SYNONYMS.get(spelling), spelling.lower(), _SYNONYMS.get(spelling.lower()))
     return next((item for item in spellings if item in units), None)
 
 

@@ -56,7 +56,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
             if held is not None:
                 os.close(held)
     except OSError as error:
-        way_out = "try another --out"
+        way_out = "choose another --out"
         raise RunDirectoryError(f"{target}: cannot be written ({error.strerror}); {way_out}") from error
 
 

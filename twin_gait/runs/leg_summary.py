@@ -195,16 +195,16 @@ class MeasuredLeg:
         """Return whether the phases followed the order of the table's first cycle in steady walking."""
         record, names = self.record, self.run.table.phase_names
         cycle = (*self.run.table.cycles, names)[0]
-        places = np.array([cycle.index(name) if name in cycle else -1 for name in names])
+        order = np.array([cycle.index(name) if name in cycle else -1 for name in names])
         return all(
-            phases.phases_in_order(places[record.phases[span]], len(cycle)) for span in record.steady_ticks
+            phases.phases_in_order(order[record.phases[span]], len(cycle)) for span in record.steady_ticks
         )
 
     def timeout_ticks(self) -> list[int]:
         """Return the ticks of the switches that a timeout caused."""
-        clocked = {place for place, item in enumerate(self.run.table.transitions) if item.is_timeout}
-        own = [item for item in self.run.switches if item.side is self.record.side]
-        return [item.tick for item in own if item.transition in clocked and item.cause != POSTURE]
+        clocked = {index for index, item in enumerate(self.run.table.transitions) if item.is_timeout}
+        leg_switches = [item for item in self.run.switches if item.side is self.record.side]
+        return [item.tick for item in leg_switches if item.transition in clocked and item.cause != POSTURE]
 
     def joint_measures(self, joint: JointName) -> dict[str, float]:
         """Return all measures of a driven joint."""
@@ -249,11 +249,11 @@ class MeasuredLeg:
 
     def double_support_share(self) -> float:
         """Compute the share of the counted strides with both feet loaded; NaN for a single leg."""
-        own = self.record
-        other = next((item for item in self.run.leg_records() if item.side is not own.side), None)
-        if other is None or own.loaded is None or other.loaded is None:
+        record = self.record
+        other = next((item for item in self.run.leg_records() if item.side is not record.side), None)
+        if other is None or record.loaded is None or other.loaded is None:
             return math.nan
-        return strides.double_support_share(own.loaded, other.loaded, self.strides)
+        return strides.double_support_share(record.loaded, other.loaded, self.strides)
 
     def work(self, joint: JointName) -> dict[str, float]:
         """Compute peak power [W] and work [J/kg of the wearer] of a motor, means over counted strides."""
@@ -277,8 +277,8 @@ class MeasuredLeg:
         its largest change from before a switch to any tick of the blend.
         """
         table, side, command = self.run.table, self.record.side, self.column(joint, "motor_command_torque_Nm")
-        own = [item for item in self.run.switches if item.side is side and 0 < item.tick < len(command)]
-        blends = [(item.tick, table.blend_ticks(table.phases_of(side)[item.target])) for item in own]
+        counted = [item for item in self.run.switches if item.side is side and 0 < item.tick < len(command)]
+        blends = [(item.tick, table.blend_ticks(table.phases_of(side)[item.target])) for item in counted]
         ticks, lengths = np.array(blends, int).reshape(-1, 2).T
         counts = strides.is_in_stride(ticks, self.strides)
         ticks, lengths = ticks[counts], lengths[counts]

@@ -99,13 +99,13 @@ class LogTable:
         return ", ".join(self.names[:_LISTED]) + more
 
     def _column(self, name: str) -> pd.Series:
-        places = [place for place, known in enumerate(self.names) if known == name]
-        return self.frame.iloc[:, self._require_single(places, name)]
+        indices = [index for index, known in enumerate(self.names) if known == name]
+        return self.frame.iloc[:, self._require_single(indices, name)]
 
     def _require_single(self, found: Sequence[T], name: str) -> T:
         if len(found) != 1:
             text = f"{len(found)} columns have this name"
-            text = text if found else f"no such column; there are {self.format_column_names()}"
+            text = text if found else f"there is no such column; expected one of {self.format_column_names()}"
             raise ParameterFileError(self.source, name, text)
         return found[0]
 
@@ -128,7 +128,7 @@ def read_log_table(path: Path) -> LogTable:
     readers |= dict.fromkeys((".mot", ".sto"), _read_storage)
     reader = readers.get(path.suffix.lower())
     if not path.is_file():
-        raise ParameterFileError(path, "", "no such log; expected a run directory or a file")
+        raise ParameterFileError(path, "", "there is no such log; expected a run directory or a file")
     if reader is None:
         raise ParameterFileError(path, "", f"unknown format; expected one of {', '.join(readers)}")
     return reader(path)
@@ -156,7 +156,7 @@ def read_text_table(path: Path, required: Collection[str] = ()) -> LogTable:
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(bare, units, strict=False)]
         frame = frame.iloc[1:].set_axis(names, axis="columns")
     else:
-        frame = frame.rename(columns=lambda place: str(place + 1))
+        frame = frame.rename(columns=lambda index: str(index + 1))
     return LogTable(str(path), frame, decimal=layout.decimal)
 
 
@@ -183,7 +183,7 @@ def _read_storage(path: Path) -> LogTable:
     frame = frame.iloc[1:].set_axis([_coordinate(name) for name in frame.iloc[0]], axis="columns")
     short = np.flatnonzero((frame == "").any(axis=1))
     if len(short):
-        text = f"expected {frame.shape[1]} numbers, one a column, and there are fewer"
+        text = f"expected {frame.shape[1]} numbers, one for each column, got fewer"
         raise ParameterFileError(path, f"row {short[0] + 1}", text)
     notices = tuple(
         f"the header says {key}={header[key.lower()][:40]}, but the file has {found}"

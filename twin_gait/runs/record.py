@@ -62,7 +62,7 @@ def write_run(
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     write_log(run.log, directory / LOG_FILE, run.status)
     switches = format_switches_csv(
-        run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy()
+        run.switches, ("hip", "knee"), lambda *parts: run.log["_".join(parts)].to_numpy()
     )
     write_atomically(directory / SWITCHES_FILE, switches)
     summary = summarise_run(run)
@@ -170,7 +170,7 @@ def read_stored_run(directory: Path) -> StoredRun:
     directory = directory.expanduser()
     if journal_path(directory.absolute()).is_file():
         way_out = f"twin-gait sessions complete {directory}"
-        raise RunDirectoryError(f"{directory}: its walk is going on, or was killed; {way_out}")
+        raise RunDirectoryError(f"{directory}: its walk is still running, or was killed; {way_out}")
     if not (directory / EXPERIMENT_FILE).is_file():
         raise RunDirectoryError(f"{directory}: not a run directory: it has no {EXPERIMENT_FILE}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
@@ -196,7 +196,7 @@ def read_stored_run(directory: Path) -> StoredRun:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
         again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
-        raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")
+        raise RunDirectoryError(f"{directory}: its log is from another version of the program; {again}")
     run = replace(run, log=check_log(log, problem, directory / LOG_FILE))
     late = next((item.tick for item in switches if not 0 <= item.tick < len(log)), None)
     if late is not None:

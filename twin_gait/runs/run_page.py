@@ -45,7 +45,7 @@ def render_run_page(runs: Sequence[StoredRun], *, frame_times: Sequence[float] =
     """Return the page of one run, or of two next to each other; ``frame_times``: times of frames in [s]."""
     changes = (phase_changes(one.run.log) for one in runs)
     events = ([event.time for event in one.run.events] for one in runs)
-    wanted = np.unique(np.concatenate([np.asarray(frame_times, dtype=float), *changes, *events]))
+    shown_times = np.unique(np.concatenate([np.asarray(frame_times, dtype=float), *changes, *events]))
     rate = min(frame_rate(one.run.duration) for one in runs)
     entries = [
         recorded_run(
@@ -53,7 +53,7 @@ def render_run_page(runs: Sequence[StoredRun], *, frame_times: Sequence[float] =
             one.run.experiment.build_world().model,
             about=page_texts(one, other),
             frames_per_second=rate,
-            frame_times=wanted.tolist(),
+            frame_times=shown_times.tolist(),
             **scene_options(one.run.experiment),
         )
         for one, other in zip(runs, (runs[1], runs[0]) if len(runs) == 2 else (None,), strict=True)

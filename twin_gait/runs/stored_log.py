@@ -26,7 +26,7 @@ def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.Dat
     missing = [name for name in names if name not in log.columns]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        raise RunDirectoryError(f"{path}: {missing[0]}{more}: no such column; {again}")
+        raise RunDirectoryError(f"{path}: {missing[0]}{more}: there is no such column; {again}")
     phases, table = problem.table.phase_names, LogTable(str(path), log)
     found: dict[str, Any] = {}
     for name in names:
@@ -34,9 +34,9 @@ def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.Dat
             codes = pd.Index(phases).get_indexer(pd.Index(log[name].astype(str).to_numpy()))
             wrong = np.flatnonzero(codes < 0)
             if len(wrong):
-                place = f"row {wrong[0] + 1}, got {str(log[name].iloc[wrong[0]])[:40]!r}"
+                mismatch = f"row {wrong[0] + 1}, got {str(log[name].iloc[wrong[0]])[:40]!r}"
                 raise RunDirectoryError(
-                    f"{path}: {name}: expected a phase of the gait table in {place}; {again}"
+                    f"{path}: {name}: expected a phase of the gait table in {mismatch}; {again}"
                 )
             found[name] = pd.Categorical.from_codes(codes, categories=pd.Index(phases))
         elif log[name].dtype.kind not in "fib":
@@ -47,6 +47,7 @@ def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.Dat
     late = np.flatnonzero(~(np.abs(log["time_s"].to_numpy(float) - TICK * np.arange(len(log))) < TICK / 2))
     if len(late):
         raise RunDirectoryError(
-            f"{path}: time_s: expected a row for every tick from 0 s, not so in row {late[0] + 1}; {again}"
+            f"{path}: time_s: expected a row for every tick from 0 s, got another time in row {late[0] + 1}; "
+            f"{again}"
         )
     return log.assign(**found)

@@ -90,14 +90,14 @@ def describe_identity(experiment: Experiment) -> dict[str, Any]:
 
     A controller of the user also has its module, its class and the hash of its source.
     """
-    patient, own = experiment.patient, experiment.controller
+    patient, controller = experiment.patient, experiment.controller
     wearer = None
     if patient is not None:
         wearer = {**asdict(identify_wearer(patient)), "mass_kg": patient.mass, "height_m": patient.height}
         wearer["name"] = patient.name
     parts = {key: asdict(part) for key, part in identify_parts(experiment).items()}
-    if own is not None:
-        parts["controller"] |= own.summary
+    if controller is not None:
+        parts["controller"] |= controller.summary
     return {"description": " · ".join(describe(experiment)), "patient": wearer, **parts}
 
 
@@ -157,12 +157,12 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
     angle, *_, torque = BRACE.columns
     height, _, force = PELVIS_BRACE.columns
     for side in run.sides:
-        for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
+        for name in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
             rms, peak, apart = _brace_measures(
-                log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}"
+                log, f"{name}_{torque}", f"{name}_angle_rad", f"{name}_{angle}"
             )
             motion = math.degrees(apart)
-            interaction[place] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
+            interaction[name] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
         device = run.leg_record(side, device=True)
         for joint, angles in device.angles.items():
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))

@@ -24,7 +24,7 @@ def dynamics(
 ) -> float:
     """Compute accelerations under joint torques and contact forces, and change ``a`` and ``points`` in place.
 
-    ``rotors``: inertias of the rotors at the joints in [kg m²]; they replace those of the bodies, and are not
+    ``rotors``: inertias of the rotors at the joints in [kg·m²]; they replace those of the bodies, and are not
     read where a body has none. ``bodies``: masses, inertias, lengths and armature, from
     :func:`~twin_gait.kernels.generated.body_values`. Returns the power of the contact forces in [W].
     """
@@ -46,7 +46,7 @@ def observe(
     gravity: float,
     points: list[ContactState],
 ) -> tuple[float, float, float, float]:
-    """Compute kinetic and potential energy in [J], force in [N] and moment in [N m] of the pelvis guides."""
+    """Compute kinetic and potential energy in [J], force in [N] and moment in [N·m] of the pelvis guides."""
     raise NotImplementedError
 
 
@@ -64,9 +64,9 @@ def vector_map(
     is that of a stage of the integration. ``law``: returns a number or a tuple of numbers. ``write``: stores
     the result and takes episode, index and result.
     """
-    for place in indices:
+    for index in indices:
         for one in vector_lanes(e):
-            write(one, place, law(*read(one, place, staged)))
+            write(one, index, law(*read(one, index, staged)))
 
 
 def episode_at(address: int) -> Episode:
@@ -103,7 +103,7 @@ def noise_row(e: object, tick: int) -> Sequence[float]:
     """Return the random numbers of a tick.
 
     These are the errors of the encoders in [rad], noise and offset, by joint; the shares of the wearer's
-    efforts, by limb; and with an inertial unit the noise of its gyroscope in [rad] / [s] and of its
-    accelerometer in [m] / [s²].
+    efforts, by limb; and with an inertial unit the noise of its gyroscope in [rad/s] and of its
+    accelerometer in [m/s²].
     """
     raise NotImplementedError

@@ -77,9 +77,9 @@ def _same(value: Any) -> Hashable:
 @lru_cache(maxsize=1024)
 def _names_in(code: CodeType) -> tuple[str, ...]:
     """Return the globals that code reads, with those of the comprehensions and functions in it."""
-    own = [item.argval for item in dis.get_instructions(code) if item.opname == "LOAD_GLOBAL"]
+    names = [item.argval for item in dis.get_instructions(code) if item.opname == "LOAD_GLOBAL"]
     inner = (_names_in(constant) for constant in code.co_consts if isinstance(constant, CodeType))
-    return tuple(dict.fromkeys(chain(own, *inner)))
+    return tuple(dict.fromkeys(chain(names, *inner)))
 
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:

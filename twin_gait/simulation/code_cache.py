@@ -66,8 +66,8 @@ def private_folder(folder: Path) -> Path | None:
     if is_private(folder.stat()):
         return folder
     warnings.warn(
-        f"{folder}: not used, because somebody else owns it or may write there; compiled code stays in memory"
-        f" (chmod go-w, or choose another folder by {CACHE_VARIABLE})",
+        f"{folder}: not used, because another user owns it or may write into it; compiled code stays in "
+        f"memory (use chmod go-w, or set another folder with {CACHE_VARIABLE})",
         RuntimeWarning,
         stacklevel=2,
     )
@@ -140,9 +140,9 @@ def _sources() -> bytes:
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
     # This processor, and the processor for which numba compiles if these variables are set.
-    told = [os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES")]
+    target = [os.environ.get(f"NUMBA_CPU_{quantity}") for quantity in ("NAME", "FEATURES")]
     here = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
-    digest.update(repr((platform.python_version(), platform.machine(), *told, *here)).encode())
+    digest.update(repr((platform.python_version(), platform.machine(), *target, *here)).encode())
     return digest.digest()
 
 

@@ -131,14 +131,14 @@ def load_or_compile_loop(
         from twin_gait.simulation.compiling import compile_loop, compile_user_tick, record_accessor
         from twin_gait.simulation.vectors import vector_functions
 
-        bound, own = loop_names(engine), {}
+        bound, user_ticks = loop_names(engine), {}
         controller, episode = engine.setup.controller, engine.store.dtype
         for name, tick in controller.tick_functions().items():
             if not is_package_function(tick):
                 assisted, device = name == "assisted_tick", episode["controller"]
-                own[name] = compile_user_tick(controller.name, tick, assisted, device)
-        names = {**bound, **own, **vector_functions(bound), "episode_at": record_accessor(episode)}
-        return compile_loop(entry, names, user_controller=controller.name if own else "")
+                user_ticks[name] = compile_user_tick(controller.name, tick, assisted, device)
+        names = {**bound, **user_ticks, **vector_functions(bound), "episode_at": record_accessor(episode)}
+        return compile_loop(entry, names, user_controller=controller.name if user_ticks else "")
 
     return cached_loop(
         source_key(f"{entry.__name__} {engine.specialization_key}"), make, on_compile, engine.user_functions

@@ -79,8 +79,8 @@ class PruningPipeline(CompilerBase):  # type: ignore[misc]
         self.state.flags.no_rewrites = True  # this flag alone would also leave out the pruning
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state, "pruning")
         manager.add_pass_after(DeadBranchPrune, ReconstructSSA)
-        own = {NativeLowering: self.lowering}
-        manager.passes = [(own.get(item, item), why) for item, why in manager.passes]
+        replacements = {NativeLowering: self.lowering}
+        manager.passes = [(replacements.get(item, item), why) for item, why in manager.passes]
         manager.finalize()
         return [manager]
 

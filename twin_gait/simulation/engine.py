@@ -46,7 +46,7 @@ class EpisodeEngine(ABC):
     def __init__(self, setup: SimulationSetup) -> None:
         """Determine the columns of the log; raises ParameterError for events that it does not execute."""
         if setup.experiment.events and not self.scripted:
-            way_out = "leave engine and controller as they are, or leave the events out with --set events=[]"
+            way_out = "keep engine and controller, or leave the events out with --set events=[]"
             raise ParameterError(f"events: only simulate executes them, in the compiled engine; {way_out}")
         self.setup = setup
         self.layout = log_layout(setup)
@@ -87,8 +87,8 @@ class EpisodeEngine(ABC):
                 break
             first, done = done, run_ticks(done, min(done + chunk, total), rows, done)
             if record:
-                for place, column in enumerate(kept):
-                    table[place, first:done] = rows[: done - first, column]
+                for index, column in enumerate(kept):
+                    table[index, first:done] = rows[: done - first, column]
         if progress is not None:
             progress(done, total)
         run = self.build_run(done, table, columns, time.perf_counter() - began)
@@ -102,7 +102,7 @@ class EpisodeEngine(ABC):
         ``log``: shape ``(n_columns, n)``. ``columns``: see :meth:`run`. ``wall_s``: wall-clock time in [s].
         """
         problem, (status, reason), names = self.setup, self.status_after(done), self.layout.names
-        kept = names if columns is None else [names[place] for place in columns]
+        kept = names if columns is None else [names[index] for index in columns]
         return Run(
             experiment=problem.experiment,
             table=problem.table,
@@ -137,7 +137,7 @@ class EpisodeEngine(ABC):
             DIVERGED: f"the state diverged {when}; try a smaller integration step",
             FELL: f"the pelvis fell below {world.fall_height:.2f} m {when}",
             TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
-            CRUTCH_LOST: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
+            CRUTCH_LOST: f"a hand lost its crutch, more than {reach:.2f} m from the shoulder {when}",
         }
         return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
 
@@ -158,11 +158,11 @@ class EpisodeEngine(ABC):
         if tick < 0:
             return None
         trip, joints, sides = self.state.controller.trip, self.setup.joints, self.setup.sides
-        place, side, joint = int(trip.part), None, None
-        if place >= len(joints):  # the legs follow the joints
-            side = sides[place - len(joints)]
-        elif place >= 0:  # a negative number is the supply
-            side, joint = joints[place].side, joints[place].joint
+        part, side, joint = int(trip.part), None, None
+        if part >= len(joints):  # the legs follow the joints
+            side = sides[part - len(joints)]
+        elif part >= 0:  # a negative number is the supply
+            side, joint = joints[part].side, joints[part].joint
         return Trip(tick, list(TripCause)[int(trip.cause)], side, joint)
 
     def _traffic(self, ticks: int) -> dict[str, Any] | None:

@@ -24,7 +24,7 @@ from twin_gait.parameters.wearer import JointCondition
 from twin_gait.worlds.arm_policy import ArmPolicy, Perception
 
 COMPLETED, FELL, DIVERGED, TIPPED, CRUTCH_LOST = 0, 1, 2, 3, 4
-DIVERGED_VELOCITY = 1e3  # Joint velocity above which a state is no longer physical, in [rad] / [s].
+DIVERGED_VELOCITY = 1e3  # Joint velocity above which a state is no longer physical, in [rad/s].
 # Lowest hip angle of the normative moments, and the distance of two hip angles, in [rad].
 MIN_HIP_ANGLE, HIP_ANGLE_STEP = math.radians(-30.0), math.radians(2.0)
 
@@ -46,9 +46,8 @@ class Joint:
     external_torque: float = 0.0  # External torque of wearer, push and imposed motion in [N·m], for the log.
     disturbance_torque: float = 0.0  # Part of the external torque from push and imposed motion, in [N·m].
     off: bool = False  # Whether the board of the joint is rebooting.
-    received_setpoint: JointSetpoint = field(
-        default_factory=JointSetpoint
-    )  # Last setpoint that the board received over the bus.
+    # Last setpoint that the board received over the bus.
+    received_setpoint: JointSetpoint = field(default_factory=JointSetpoint)
 
 
 @dataclass(slots=True)
@@ -179,24 +178,24 @@ class Episode:
 
     step: float  # Integration step in [s].
     substeps: int  # Number of integration steps in a tick.
-    gravity: float  # Gravitational acceleration in [m] / [s²].
+    gravity: float  # Gravitational acceleration in [m/s²].
     body_weight: float  # Weight of wearer and device in [N].
-    lock_stiffness: float  # Stiffness of the harness that locks at a trip in [N] / [m].
-    lock_dissipation: float  # Dissipation coefficient of the locked harness in [s] / [m].
+    lock_stiffness: float  # Stiffness of the harness that locks at a trip in [N/m].
+    lock_dissipation: float  # Dissipation coefficient of the locked harness in [s/m].
     fall_height: float  # Height of the pelvis below which the wearer has fallen, in [m].
     fall_pitch: float  # Absolute pitch of the trunk beyond which the wearer has fallen, in [rad].
     max_reach: float  # Length of arm and crutch beyond which a hand has lost its crutch, in [m].
     watching: bool  # Whether the safety monitor is on.
     first_fault: int  # First tick with a fault.
     q: list[float]  # Coordinates in [rad] and [m].
-    v: list[float]  # Velocities in [rad] / [s] and [m] / [s].
-    a: list[float]  # Accelerations in [rad] / [s²] and [m] / [s²].
+    v: list[float]  # Velocities in [rad/s] and [m/s].
+    a: list[float]  # Accelerations in [rad/s²] and [m/s²].
     motor: list[float]  # Motor torques on the coordinates in [N·m].
     external: list[float]  # External torques of push and wearer in [N·m], and forces of the arms in [N].
     voluntary: list[float]  # Part of the external torques that is the wearer's voluntary effort.
     passive_moment: list[float]  # Part that is the wearer's passive moment with the stretch reflex.
     torque: list[float]  # Sum of all torques on the coordinates in [N·m], and of all forces in [N].
-    rotors: list[float]  # Inertias of the rotors that act at the joints, less the gear losses, in [kg m²].
+    rotors: list[float]  # Inertias of the rotors that act at the joints, less the gear losses, in [kg·m²].
     integrator: IntegratorBuffers
     bodies: list[float]  # Run-time values of the plant's kernel.
     rates: SamplingConfig
@@ -234,7 +233,7 @@ class Episode:
     potential_energy: float = 0.0
     guide_force: float = 0.0  # Force of the guides of the pelvis in [N].
     guide_moment: float = 0.0  # Moment of the guides of the pelvis in [N·m].
-    diverged_velocity: float = DIVERGED_VELOCITY  # Velocity at which the state has diverged, in [rad] / [s].
+    diverged_velocity: float = DIVERGED_VELOCITY  # Velocity at which the state has diverged, in [rad/s].
     # ``COMPLETED``, ``DIVERGED``, or the kind of fall: ``FELL``, ``TIPPED`` or ``CRUTCH_LOST``.
     status: int = COMPLETED
     contact_power: float = 0.0  # Power of the contact forces in [W].

@@ -54,7 +54,7 @@ def scalar_driver(
     writer = _Writer(names)
     lines = list(writer.scalar(schedule, "    ", "e"))
     lines += [] if result is None else [f"    return {writer.call(result, 'e')}"]
-    return writer.made(name, head, docstring, lines, module)
+    return writer.compile_function(name, head, docstring, lines, module)
 
 
 def lane_driver(
@@ -69,7 +69,7 @@ def lane_driver(
     lines = list(writer.in_lanes(schedule, "    "))
     lines += [] if result is None else [*writer.any_of(result, "    "), f"    return {writer.flag}"]
     writer.scope |= {"vector_lanes": vector_lanes, "scalar_lanes": scalar_lanes}
-    return writer.made(name, "(e, tick)", "Run steps of a block of episodes.", lines, __name__)
+    return writer.compile_function(name, "(e, tick)", "Run steps of a block of episodes.", lines, __name__)
 
 
 class _Writer:
@@ -192,9 +192,11 @@ class _Writer:
             yield f"{pad}else:"
             yield from write(item.otherwise)
 
-    def made(self, name: str, head: str, says: str, lines: list[str], module: str) -> Callable[..., Any]:
+    def compile_function(
+        self, name: str, head: str, summary: str, lines: list[str], module: str
+    ) -> Callable[..., Any]:
         """Return the function of some statements; debuggers and the C printer can read its text."""
-        text = "\n".join([f"def {name}{head}:", f'    """{says}"""', *lines, ""])
+        text = "\n".join([f"def {name}{head}:", f'    """{summary}"""', *lines, ""])
         # The checksum gives two drivers with the same name two file names.
         file = f"<schedule: {name} {zlib.crc32(text.encode()):08x}>"
         linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)

@@ -1,4 +1,4 @@
-"""Initial state: record of an episode at tick 0, with its parts in the order of the fields."""
+"""Initial state: record of an episode at tick 0."""
 
 import math
 import reprlib
@@ -37,9 +37,9 @@ from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN,
 from twin_gait.worlds.arm_policy import LEANING, REACHING_BACK, RISING, SITTING, SITTING_DOWN
 
 MOST_SWITCHES_PER_SECOND = 200
-# Lists are padded to a multiple of this, so that gait tables of similar size share one loop.
+# Lists are padded to a multiple of this length, so that gait tables of similar size share one compiled loop.
 _CAPACITY = 16
-# Perceived state of sitting on a chair, by phase.
+# State of sitting on a chair that the wearer perceives in a phase.
 CHAIR_CODES = {
     SIT: SITTING,
     LEAN: LEANING,
@@ -48,14 +48,14 @@ CHAIR_CODES = {
     REACH_BACK: REACHING_BACK,
     LOWER: SITTING_DOWN,
 }
-_DELAY_PADDING = 32  # Ring buffers of the bus are padded likewise, to a multiple of this [ticks].
+_DELAY_PADDING = 32  # Ring buffers of the bus are padded to a multiple of this length, for the same reason.
 
 
 def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode:
     """Return the episode of a simulation setup at tick 0.
 
-    It may share parts with the world, and refer to one part twice. ``bodies``: bodies for which the kernels
-    of plant and controller are generated.
+    Its parts may be objects of the world, and one object may be in several places; a copy is needed before it
+    is changed. ``bodies``: bodies for which the kernels of plant and controller are generated.
     """
     experiment, world = setup.experiment, setup.world
     n, stepping, phases = len(world.start_q), experiment.resolved_integration, setup.table.phases
@@ -118,17 +118,17 @@ def _supply(setup: SimulationSetup) -> episode.Supply:
 
 
 def build_limits(setup: SimulationSetup, network: NetworkParameters | None) -> Limits:
-    """Return the limits of boards and gait controller; without a network there is no timeout of messages."""
+    """Return the limits of boards and gait controller; without a network, messages have no timeout."""
     control = setup.experiment.control
     safety = control.safety
-    heeded = network if safety.enabled else None
+    monitored = network if safety.enabled else None
     return from_attributes(
         Limits,
         control.limits,
         phase_ticks=phase_timeout_ticks(setup),
         frozen_load_ticks=to_ticks(safety.frozen_load_time),
-        controller_timeout=NEVER if heeded is None else to_ticks(heeded.board_timeout),
-        board_timeout=NEVER if heeded is None else to_ticks(heeded.ccu_timeout),
+        controller_timeout=NEVER if monitored is None else to_ticks(monitored.board_timeout),
+        board_timeout=NEVER if monitored is None else to_ticks(monitored.ccu_timeout),
         lowering_ticks=to_ticks(safety.lowering_time),
         hold_damping=safety.hold_damping,
     )
@@ -206,7 +206,7 @@ def _supervisor(setup: SimulationSetup, modes: ModeTable) -> Supervisor:
         program=_padded(program),
         modes=[mode_command(mode) for mode in modes.phases.values()],
         hold=modes.phase_index(modes.hold),
-        swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
+        swing=sum(1 << index for index, name in enumerate(table.phase_names) if table.is_swing(name)),
         signals=modes.to_si({}),
         debounce=[0] * _capacity(program.n_transitions),
         mode=0 if initial is None else modes.phase_index(initial),
@@ -245,11 +245,11 @@ def _joint(setup: SimulationSetup, number: int) -> episode.Joint:
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
             bounds=_bounds(setup, number),
-            # The first frames may need this number of ticks more.
+            # The first frame may arrive later by this number of ticks.
             ticks_since_message=-setup.bus_delay,
         ),
         motor=motor,
-        # A command from the line is kept for the next tick, so the line is one tick shorter than the delay.
+        # A command that leaves the line takes effect in the next tick, so the line is one tick shorter.
         line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         reading=angle,
     )
@@ -289,13 +289,14 @@ def _network(setup: SimulationSetup, parameters: NetworkParameters) -> episode.N
     boards = [f"{joint.side}_{joint.joint}" for joint in setup.joints]
     messages = load_messages(parameters.dbc)
     frames, delay = cyclic_messages(messages, boards), setup.bus_delay
-    room = (delay // _DELAY_PADDING + 1) * _DELAY_PADDING
+    capacity = (delay // _DELAY_PADDING + 1) * _DELAY_PADDING
 
     def channels(kind: str) -> list[episode.CanChannel]:
         carried = [messages[f"{board}_{kind}"] for board in boards]
-        places = [(frames.index(message), message.layout) for message in carried]
+        entries = [(frames.index(message), message.layout) for message in carried]
         return [
-            episode.CanChannel(*place, [episode.ReceivedFrame() for _ in range(room)]) for place in places
+            episode.CanChannel(index, layout, [episode.ReceivedFrame() for _ in range(capacity)])
+            for index, layout in entries
         ]
 
     return episode.Network(
@@ -308,16 +309,16 @@ def _network(setup: SimulationSetup, parameters: NetworkParameters) -> episode.N
 
 
 def _requests(setup: SimulationSetup) -> list[episode.TimedCommand]:
-    """Return the requests of the experiment, padded, so that lists of similar length share one loop."""
+    """Return the requests of the experiment, padded so that lists of similar length share one loop."""
     modes, requests = setup.experiment.modes, setup.experiment.requests
     if modes is None:
         return []
-    asked = [episode.TimedCommand(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
-    return _padded_list(asked, episode.TimedCommand())
+    commands = [episode.TimedCommand(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
+    return _padded_list(commands, episode.TimedCommand())
 
 
 def _trunk_unit(setup: SimulationSetup) -> TrunkUnit:
-    """Return the inertial measurement unit, whose estimate of the pitch is exact at the start."""
-    sensor, place = setup.experiment.sensors.trunk, setup.world.model.pitch_index
-    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(setup.world.start_q[place])
+    """Return the inertial measurement unit of the trunk; its initial estimate of the pitch is exact."""
+    sensor, index = setup.experiment.sensors.trunk, setup.world.model.pitch_index
+    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(setup.world.start_q[index])
     return from_attributes(TrunkUnit, sensor, gain=gain, pitch=pitch)

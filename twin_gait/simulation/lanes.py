@@ -134,8 +134,8 @@ def lane_row_accessor(width: int) -> Any:
     @intrinsic
     def row_beside(typing: Any, address: Any, number: Any, one: Any) -> Any:
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            place = builder.mul(args[1], INTEGER(width * WORD * WIDTH))
-            base = builder.inttoptr(builder.add(args[0], place), cgutils.voidptr_t)
+            offset = builder.mul(args[1], INTEGER(width * WORD * WIDTH))
+            base = builder.inttoptr(builder.add(args[0], offset), cgutils.voidptr_t)
             lane = cgutils.create_struct_proxy(one)(context, builder, args[2]).lane
             return make_view(context, builder, row, base, lane)
 

@@ -1,12 +1,12 @@
 """Columns of the log: their names, the expressions that read them from the episode, and their meanings.
 
-The function that writes a row in every tick is generated from them (:attr:`LogLayout.writer`).
+The function that writes a row in every tick is generated from these expressions (:attr:`LogLayout.writer`).
 """
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import count
+from itertools import chain, count
 
 import numpy as np
 import pandas as pd
@@ -52,13 +52,13 @@ JOINT = ColumnGroup(
     gravity_compensation_torque_Nm=("setpoint.gravity", "compensated share of the gravity torque"),
     inertia_compensation_torque_Nm=("setpoint.inertia", "compensated share of the inertia torque"),
     target_torque_Nm=("setpoint.target", "constant torque that is added to the command"),
-    motor_command_torque_Nm=("command.torque", "sum of the five torques, before limits"),
-    motor_torque_Nm=("e.motor[index]", "motor torque times the gear ratio, before the losses of the gear"),
-    friction_torque_Nm=("e.plant[index].friction_torque", "torque of friction and of gear losses under load"),
+    motor_command_torque_Nm=("command.torque", "command torque: sum of these five torques, before limits"),
+    motor_torque_Nm=("e.motor[index]", "torque constant times gear ratio times current, before gear losses"),
+    friction_torque_Nm=("e.plant[index].friction_torque", "torque of friction and of the gear's losses"),
     stop_torque_Nm=("e.plant[index].stop_torque", "torque of the mechanical stops"),
     external_torque_Nm=(
         "joint.external_torque",
-        "external torque, which is the sum of the next three torques",
+        "external torque: sum of the next three torques",
     ),
     voluntary_torque_Nm=("e.voluntary[index + WEARER_OFFSET]", "torque of the wearer's voluntary effort"),
     passive_torque_Nm=(
@@ -73,7 +73,7 @@ JOINT = ColumnGroup(
     equilibrium_rad=("setpoint.equilibrium", "θ0 of the impedance, blended"),
     friction_compensation_gain=("setpoint.gain", "G of the friction compensation, blended"),
 )
-# Columns of a joint that is not controlled, and an additional one of a controlled ankle.
+# Columns of a joint that is not controlled, and the additional column of a controlled ankle.
 PASSIVE = ColumnGroup(
     "index = e.passive[n]",
     angle_rad=JOINT.columns["angle_rad"],
@@ -92,16 +92,16 @@ FOOT = ColumnGroup(
 )
 
 GROUND = ColumnGroup(
-    belt_speed_m_per_s=("e.ground.belt_speed", "speed, positive backwards; 0 without a belt")
+    belt_speed_m_per_s=("e.ground.belt_speed", "belt speed, positive backwards; 0 without a belt")
 )
 
 PELVIS = ColumnGroup(
     "support = e.plant[PELVIS_INDEX + WEARER_OFFSET]",
-    pelvis_height_m=("e.q[PELVIS_INDEX]", "height above the belt"),
+    pelvis_height_m=("e.q[PELVIS_INDEX]", "height of the pelvis above the ground"),
     pelvis_velocity_m_per_s=("e.v[PELVIS_INDEX]", "vertical velocity, positive upwards"),
     support_force_N=("support.spring_torque + support.stop_torque", "upward force of support and harness"),
-    guide_force_N=("e.guide_force", "forward force of the guide; if free, of harness, arms and seat"),
-    guide_moment_Nm=("e.guide_moment", "pitching moment of the guide; if free, of harness, arms and seat"),
+    guide_force_N=("e.guide_force", "forward force of the guide; without it, of harness, arms and seat"),
+    guide_moment_Nm=("e.guide_moment", "pitch moment of the guide; without it, of harness, arms and seat"),
 )
 # Columns of a pelvis that moves fore-aft, and of a trunk whose pitch is free.
 FORWARD = ColumnGroup(
@@ -110,7 +110,7 @@ FORWARD = ColumnGroup(
 )
 TRUNK = ColumnGroup(
     trunk_pitch_rad=("e.q[PITCH_INDEX]", "angle of pelvis and trunk from upright, positive forwards"),
-    trunk_pitch_velocity_rad_per_s=("e.v[PITCH_INDEX]", "angular velocity of the trunk"),
+    trunk_pitch_velocity_rad_per_s=("e.v[PITCH_INDEX]", "angular velocity of the trunk, positive forwards"),
     measured_trunk_pitch_rad=(
         "e.controller.device_signals.trunk_pitch",
         "pitch that the gait controller receives",
@@ -120,7 +120,7 @@ TRUNK = ColumnGroup(
 # Columns of an arm and its crutch, and of a seat.
 CRUTCH = ColumnGroup(
     "arm, tip = e.arms[n], e.arms[n].tip",
-    crutch_forward_m=("e.q[arm.index]", "forward position of the tip"),
+    crutch_forward_m=("e.q[arm.index]", "forward position of the tip of the crutch"),
     crutch_height_m=("e.q[arm.index + 1]", "height of the tip above the ground"),
     crutch_normal_force_N=("tip.upward", "upward force of the ground on the tip"),
     crutch_friction_force_N=("tip.forward", "friction of the ground on the tip, positive forwards"),
@@ -128,12 +128,12 @@ CRUTCH = ColumnGroup(
         "arm.axial_force",
         "axial force of the arm from shoulder to tip, positive away from the shoulder",
     ),
-    shoulder_moment_Nm=("arm.moment", "moment of the shoulder, which turns the crutch forwards"),
+    shoulder_moment_Nm=("arm.moment", "moment of the shoulder, positive if it turns the crutch forwards"),
     arm_power_W=("arm.power", "power that the arm delivers to trunk and crutch"),
 )
 SEAT = ColumnGroup(
     seat_force_N=("e.seat.normal", "upward force of the seat on buttocks and thighs"),
-    seat_friction_force_N=("e.seat.friction", "friction of the seat on them, positive forwards"),
+    seat_friction_force_N=("e.seat.friction", "friction of the seat on the wearer, positive forwards"),
     seat_forward_m=("e.seat.front_edge", "position of the front edge of the seat"),
 )
 
@@ -143,14 +143,14 @@ ENERGY = ColumnGroup(
     kinetic_energy_J=("e.kinetic_energy", "kinetic energy of bodies and rotors"),
     potential_energy_J=("e.potential_energy", "potential energy of gravity"),
 )
-# Work done on the legs since the start, by source; kinetic plus potential energy changes by the sum.
+# Work done on the legs since the start, by source. The sum equals the change of kinetic and potential energy.
 WORK = ColumnGroup(
     motor_work_J=("e.work.motor", "work of the motors"),
     friction_work_J=("e.work.friction", "work of friction in motors and gears"),
     stop_work_J=("e.work.stop", "work of the mechanical stops"),
     spring_work_J=("e.work.spring", "work of orthosis, support and harness"),
     contact_work_J=("e.work.contact", "work of ground and seat"),
-    external_work_J=("e.work.external", "work of the wearer, a push or an imposed motion"),
+    external_work_J=("e.work.external", "work of the wearer, of pushes and of an imposed motion"),
 )
 BRACE_WORK = ColumnGroup(brace_work_J=("e.work.brace", "work of the braces"))
 MONITOR = ColumnGroup(
@@ -188,13 +188,13 @@ FORWARD_BRACE = ColumnGroup(
 SUPERVISOR = ColumnGroup(
     "supervisor = e.controller.supervisor",
     mode=("supervisor.mode", "operating mode, counted from 0"),
-    request=("supervisor.request", "request in this tick, counted from 1; 0 for none"),
-    rejected=("supervisor.rejected", "request in this tick if it was rejected, otherwise 0"),
+    request=("supervisor.request", "request in this tick, counted from 1; 0 without a request"),
+    rejected=("supervisor.rejected", "request in this tick if the supervisor rejected it, otherwise 0"),
 )
 
 
 class LogArrays:
-    """Columns of a log by name, with phases as indices in the gait table; its length is that of the run."""
+    """Columns of a log by name, with phases as indices in the gait table; the length is that of the run."""
 
     def __init__(self, rows: np.ndarray, names: Sequence[str], phases: Sequence[str]) -> None:
         """Store references to the columns.
@@ -234,7 +234,7 @@ WORK_SOURCES = tuple(name.removesuffix("_work_J") for name in WORK.columns)
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
-    """Return the sources of work that a log has columns for, with the braces if it has a column for them."""
+    """Return the sources of work in a log, including the braces if the log has a column for them."""
     return (*WORK_SOURCES, "brace") if "brace_work_J" in columns else WORK_SOURCES
 
 
@@ -243,15 +243,15 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
 
     ``wearer``: whether the state is the wearer's own, if braces connect wearer and device.
     """
-    own = "wearer_" * wearer
+    prefix = "wearer_" * wearer
     names = {
-        model.pelvis_index: (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s"),
-        model.forward_index: (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s"),
+        model.pelvis_index: (f"{prefix}pelvis_height_m", f"{prefix}pelvis_velocity_m_per_s"),
+        model.forward_index: (f"{prefix}pelvis_forward_m", f"{prefix}pelvis_forward_velocity_m_per_s"),
         model.pitch_index: ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s"),
     }
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
-            name = f"{side}_{joint}_{own}"
+            name = f"{side}_{joint}_{prefix}"
             names[model.index(side, joint)] = (f"{name}angle_rad", f"{name}velocity_rad_per_s")
     return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
@@ -260,38 +260,39 @@ def unit_of(name: str) -> str:
     """Return the unit of a column from the end of its name; ``name`` for a phase, ``code`` for a state."""
     if name.endswith("_phase"):
         return "name"
-    return "code" if name in CODE_COLUMNS else label_of(name).unit.replace("·", " ")
+    return "code" if name in CODE_COLUMNS else label_of(name).unit
 
 
 def meaning_of(name: str) -> str:
     """Return the declared meaning of a column of a log; empty if the column is not declared."""
     kinds = (kind for kind in globals().values() if isinstance(kind, ColumnGroup))
-    known = {own: said for kind in kinds for own, (_, said) in kind.columns.items() if name.endswith(own)}
+    columns = chain.from_iterable(kind.columns.items() for kind in kinds)
+    known = {ending: meaning for ending, (_, meaning) in columns if name.endswith(ending)}
     return known[max(known, key=len)] if known else ""
 
 
 @dataclass(frozen=True)
 class LogLayout:
-    """Objects that a log has columns of.
+    """Order of the columns in a row of the log, by the objects to which they belong.
 
     ``time_s`` and the names of the phases are added when the table is built.
     """
 
-    # Objects in order, each with its prefix of the column names, its number among its kind, and its columns.
+    # Objects in order, each with the prefix of its column names, its number among its kind, and its columns.
     groups: tuple[tuple[str, int, ColumnGroup], ...]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the columns, in the order of the numbers of a row."""
-        return tuple(thing + name for thing, _, kind in self.groups for name in kind.columns)
+        return tuple(prefix + name for prefix, _, kind in self.groups for name in kind.columns)
 
     @cached_property
     def writer(self) -> str:
         """Source code of ``write_row``, which writes all columns into a row of the log."""
-        lines, place = ["def write_row(e, row):"], count()
+        lines, index = ["def write_row(e, row):"], count()
         for _, number, kind in self.groups:
             lines += [f"n = {number}", kind.preamble]
-            lines += [f"row[{next(place)}] = {found}" for found, _ in kind.columns.values()]
+            lines += [f"row[{next(index)}] = {found}" for found, _ in kind.columns.values()]
         return "\n    ".join(lines) + "\n"
 
 
@@ -301,29 +302,29 @@ def log_layout(setup: SimulationSetup) -> LogLayout:
     joints = [f"{item.side}_{item.joint}_" for item in setup.joints]
     passive = [f"{side}_{joint}_" for side, joint in setup.passive]
     feet = [f"{side}_foot_" for side in model.legs if world.contact_frames.get(side)]
-    places = model.pelvis_index, model.forward_index, model.pitch_index
-    pelvis, forward, pitch = (place is not None for place in places)
-    braced, one = world.braces is not None, [""]
+    guides = model.pelvis_index, model.forward_index, model.pitch_index
+    pelvis, forward, pitch = (guide is not None for guide in guides)
+    braced, single = world.braces is not None, [""]  # one object, whose columns have no prefix
     kinds = (
         ([f"{side}_" for side in model.legs], PHASE),
         (joints, JOINT),
         (passive, PASSIVE),
         ([name for name in joints if name.endswith(f"{JointName.ANKLE}_")], ANKLE),
         (feet, FOOT),
-        (one * bool(feet), GROUND),
-        (one * pelvis, PELVIS),
-        (one * forward, FORWARD),
-        (one * pitch, TRUNK),
+        (single * bool(feet), GROUND),
+        (single * pelvis, PELVIS),
+        (single * forward, FORWARD),
+        (single * pitch, TRUNK),
         ([f"{side}_" for side in setup.sides[: len(world.arms)]], CRUTCH),
-        (one * (world.seat is not None), SEAT),
-        (one, ENERGY),
-        (one, WORK),
-        (one * braced, BRACE_WORK),
-        (one, MONITOR),
+        (single * (world.seat is not None), SEAT),
+        (single, ENERGY),
+        (single, WORK),
+        (single * braced, BRACE_WORK),
+        (single, MONITOR),
         ((joints + passive) * braced, BRACE),
-        (one * (braced and pelvis), PELVIS_BRACE),
-        (one * (braced and forward), FORWARD_BRACE),
-        (one * (setup.experiment.modes is not None), SUPERVISOR),
+        (single * (braced and pelvis), PELVIS_BRACE),
+        (single * (braced and forward), FORWARD_BRACE),
+        (single * (setup.experiment.modes is not None), SUPERVISOR),
     )
     return _layout_of(
         tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))

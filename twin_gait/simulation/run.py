@@ -246,7 +246,7 @@ class Run:
             return Verdict(Outcome.HELD, held)
         swings = self.table.transitions and any(self.table.is_swing(phase) for phase in self.table.phases)
         if not swings or not self.steady_spans:
-            return Verdict(None, "no walk was asked for, by the gait table or by the modes")
+            return Verdict(None, "no walk to judge: the gait table has no swing, or no mode requested a step")
         return judge_gait(self.leg_records())
 
     @property
@@ -269,8 +269,8 @@ class Run:
         spans, modes = WHOLE_RUN, self.experiment.modes
         if modes is not None:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
-            asked = np.concatenate(([0], np.isin(self.columns["mode"], walking), [0]))
-            bounds = (np.flatnonzero(np.diff(asked)).reshape(-1, 2) - (0, 1)).tolist()
+            walks = np.concatenate(([0], np.isin(self.columns["mode"], walking), [0]))
+            bounds = (np.flatnonzero(np.diff(walks)).reshape(-1, 2) - (0, 1)).tolist()
             spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting_mask[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
         return tuple((begin, end) for begin, end in clipped if begin < end)

@@ -48,7 +48,7 @@ class Settings:
 
     @cached_property
     def active_setup(self) -> SimulationSetup:
-        """Simulation setup of :attr:`driving`."""
+        """Simulation setup of :attr:`active_experiment`."""
         return (
             self.setup if self.active_experiment is self.experiment else build_setup(self.active_experiment)
         )
@@ -114,10 +114,10 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     """Return the numbers of a loop for settings."""
     numbers = numbers_of(settings.setup)
     if settings.mode != WALK:
-        asked = settings.mode == TORQUE
+        controls_torque = settings.mode == TORQUE
         numbers |= {
             "phase_rows": settings.active_setup.phase_rows.tolist(),
-            "target_torque": [torque if asked else 0.0 for torque in settings.torques.values()],
+            "target_torque": [torque if controls_torque else 0.0 for torque in settings.torques.values()],
             "belt_speed": 0.0,  # without a gait the belt would carry the feet away
             "watching": False,
         }
@@ -158,7 +158,7 @@ def apply_changes(settings: Settings, changes: Mapping[str, Any]) -> Settings:
         _, *steps = path.split(".")
         if steps[:2] == ["table", "side_phases"]:
             side, phase = steps[2:4]
-            own = {phase: settings.table.phases[phase], **settings.table.side_phases.get(Side(side), {})}
-            settings = replace_at_path(settings, f"experiment.table.side_phases.{side}", own)
+            phases = {phase: settings.table.phases[phase], **settings.table.side_phases.get(Side(side), {})}
+            settings = replace_at_path(settings, f"experiment.table.side_phases.{side}", phases)
         settings = replace_at_path(settings, path, value)
     return settings

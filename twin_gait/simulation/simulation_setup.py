@@ -129,15 +129,11 @@ def build_setup(experiment: Experiment, user_controller: Controller | None = Non
     require_controller(experiment.control.controller() if user_controller is None else user_controller)
     if given is not None:
         experiment = replace(experiment, controller=record_controller(given))
-    control_model, controller = (
-        experiment.build_control_model(),
-        experiment.control.controller(user_controller),
-    )
+    control_model = experiment.build_control_model()
+    controller = experiment.control.controller(user_controller)
     inertia = _inertia_of(control_model)
     plan = controller_plan(experiment, control_model.sides, inertia)
-    begin = controller.initial_angles(
-        plan
-    )  # angles of the legs that the controller sets, whatever the scenario has
+    begin = controller.initial_angles(plan)  # angles that the controller sets, whatever the scenario has
     placed = (
         replace(experiment, scenario=experiment.scenario.replace_postures(begin)) if begin else experiment
     )
@@ -212,13 +208,13 @@ def _inertia_of(model: LegModel) -> InertiaAt:
 
 def fault_records(setup: SimulationSetup) -> list[FaultRecord]:
     """Return the faults of an experiment as records for :mod:`twin_gait.core.faults`."""
-    places: dict[tuple[Side | None, JointName | None], int]
-    places = {(side, None): number for number, side in enumerate(setup.sides)}  # numbers of feet
-    places |= {(joint.side, joint.joint): number for number, joint in enumerate(setup.joints)}
+    numbers: dict[tuple[Side | None, JointName | None], int]
+    numbers = {(side, None): number for number, side in enumerate(setup.sides)}  # numbers of feet
+    numbers |= {(joint.side, joint.joint): number for number, joint in enumerate(setup.joints)}
     return [
         FaultRecord(
             item.kind.code,
-            places.get((item.side, item.joint), -1),
+            numbers.get((item.side, item.joint), -1),
             to_ticks(item.time),
             float(item.magnitude_or_default),
         )

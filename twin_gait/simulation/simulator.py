@@ -83,8 +83,8 @@ def create_engine(setup: SimulationSetup, on_compile: Callable[[], None] | None 
             engine = ScriptedEngine if setup.experiment.events else CompiledEngine
             return engine(setup, on_compile=on_compile)
         except UncompiledControllerError as error:
-            told = f"{error}; stepping through Python instead, which takes some twenty times as long"
-            warnings.warn(told, SlowControllerWarning, stacklevel=3)
+            text = f"{error}; the run continues in plain Python, which is about twenty times slower"
+            warnings.warn(text, SlowControllerWarning, stacklevel=3)
     return ReferenceEngine(setup)
 
 
@@ -95,8 +95,8 @@ def group_into_blocks(kinds: Sequence[Hashable | None], ticks: Sequence[int]) ->
     the episodes that run one by one, then the blocks.
     """
     groups = defaultdict[Hashable, list[int]](list)
-    for place in sorted(range(len(kinds)), key=ticks.__getitem__):
-        groups[kinds[place]].append(place)
+    for index in sorted(range(len(kinds)), key=ticks.__getitem__):
+        groups[kinds[index]].append(index)
     alone, blocks = groups.pop(None, []), []
     for group in groups.values():
         while group:  # the longest first, because the shortest may be left over and run alone
@@ -106,7 +106,7 @@ def group_into_blocks(kinds: Sequence[Hashable | None], ticks: Sequence[int]) ->
                 blocks.append(tuple(block))
             else:
                 alone += block
-    return [*((place,) for place in sorted(alone)), *blocks]
+    return [*((index,) for index in sorted(alone)), *blocks]
 
 
 def _most(ticks: int) -> int:
@@ -137,9 +137,9 @@ def simulate_blocks(
         for block in group_into_blocks(
             _kinds(engines), [engine.setup.experiment.n_ticks for engine in engines]
         ):
-            runs = _run([engines[place] for place in block], first + block[0], columns)
-            for place in reversed(block):  # the memory of each run is freed when the caller has used it
-                yield first + place, runs.pop()
+            runs = _run([engines[index] for index in block], first + block[0], columns)
+            for index in reversed(block):  # the memory of each run is freed when the caller has used it
+                yield first + index, runs.pop()
         first += len(engines)
 
 
@@ -170,7 +170,7 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
     """
     names, kept = engines[0].layout.names, None
     if columns is not None:
-        kept = [place for place, name in enumerate(names) if name.endswith((*columns, *ALWAYS_KEPT))]
+        kept = [index for index, name in enumerate(names) if name.endswith((*columns, *ALWAYS_KEPT))]
     try:
         if len(engines) > 1:
             return LaneEngine([engine for engine in engines if isinstance(engine, CompiledEngine)]).run(kept)

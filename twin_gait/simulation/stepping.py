@@ -1,9 +1,9 @@
 """Run in compiled code that its caller advances in steps and changes between the steps.
 
-A live session advances it with a clock, and :mod:`twin_gait.simulation.scripted_engine` from event to event:
-the caller advances the walk by some ticks, changes the parameters of the phases, the belt or the support,
-pushes a joint or injects a fault, and continues. The rows of the log do not depend on the number of ticks per
-call; without a change they are identical, bit for bit, to those of ``simulate``.
+The caller advances the walk by some ticks, changes the parameters of the phases, the belt or the support,
+pushes a joint or injects a fault, and continues. A live session advances the run with a clock,
+:mod:`twin_gait.simulation.scripted_engine` advances it from event to event. The rows of the log do not depend
+on the number of ticks per call; without a change they are identical, bit for bit, to those of ``simulate``.
 """
 
 import base64
@@ -34,7 +34,7 @@ from twin_gait.worlds.faults import Fault, FaultKind
 
 BELT_TICKS = 200  # Ticks in which the belt stops for a leg that waits, and in which it starts again.
 WAIT_TICKS = 10  # Period in ticks of the check whether a leg waits.
-MOST_FAULTS = 16  # Most faults that can be injected into one walk.
+MOST_FAULTS = 16  # Largest number of faults that can be injected into one walk.
 
 
 class SteppedRun:
@@ -68,8 +68,8 @@ class SteppedRun:
         experiment = setup.experiment
         number = MOST_FAULTS if spare_faults is None else spare_faults
         spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * number
-        roomy = replace(experiment, faults=(*experiment.faults, *spare))
-        self.engine = CompiledEngine(replace(setup, experiment=roomy), on_compile=on_compile)
+        padded = replace(experiment, faults=(*experiment.faults, *spare))
+        self.engine = CompiledEngine(replace(setup, experiment=padded), on_compile=on_compile)
         self._episode = self.engine.episode
         if spare:
             starts = self._episode["faults"]["start_tick"]
@@ -79,7 +79,8 @@ class SteppedRun:
         self._first_numbers: LoopNumbers = numbers_of(setup)
         self.numbers: LoopNumbers = self._first_numbers
         self._values = self._changeable()
-        # Values before a fade by name, its first tick, its length; None without a fade. JSON can encode it.
+        # Fade: values before it by name, its first tick, its length in ticks; None without a fade. Its parts
+        # are values that JSON can encode.
         self._fade: tuple[dict[str, Any], int, int] | None = None
         self._push_ends = np.full(len(setup.joints), NEVER)
         self.injected: tuple[Fault, ...] = ()
@@ -88,7 +89,7 @@ class SteppedRun:
         self._were_held = np.zeros(len(setup.sides), dtype=bool)  # legs in the held phase at the last check
 
     def _changeable(self) -> dict[str, np.ndarray]:
-        """Return views of the numbers in the record that fade, by name."""
+        """Return views of the numbers in the record of the episode that can fade, by name."""
         controller, model = self._episode["controller"], self.setup.world.model
         joints = controller["joints"]
         found = {
@@ -98,8 +99,8 @@ class SteppedRun:
             "belt_speed": self.engine.store["belt"]["cruise"],
         }
         if model.pelvis_index is not None:  # the support acts on the wearer's pelvis
-            hung = model.pelvis_index + self.setup.world.wearer_offset
-            found["support_force"] = self._episode["plant"]["spring"]["force"][hung : hung + 1]
+            pelvis = model.pelvis_index + self.setup.world.wearer_offset
+            found["support_force"] = self._episode["plant"]["spring"]["force"][pelvis : pelvis + 1]
         return found
 
     @property
@@ -146,10 +147,10 @@ class SteppedRun:
             self._apply_fade()
             over = self._push_ends <= self.tick
             self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
-            piece = WAIT_TICKS - self.tick % WAIT_TICKS if by_hand else end - self.tick
+            ticks = WAIT_TICKS - self.tick % WAIT_TICKS if by_hand else end - self.tick
             if self._fade is not None:
-                piece = 1
-            until = min(end, self.tick + piece, int(self._push_ends.min()))
+                ticks = 1
+            until = min(end, self.tick + ticks, int(self._push_ends.min()))
             self.tick = self.engine.run_ticks(self.tick, until, rows, first_row)
 
     def _watch_steps(self) -> None:
@@ -190,16 +191,19 @@ class SteppedRun:
             self._fade = None
         legs = self._episode["controller"]["legs"]
         lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
-        # After the blending of a phase, the leg no longer reads its parameters; they are written here.
+        # The controller reads the parameters of a phase only while it blends; later they are written here.
         self._finish_blending(self.tick - legs["entry_tick"] > lengths)
 
     def _finish_blending(self, chosen: np.ndarray) -> None:
-        """Write the parameters of their phases into the chosen legs; ``chosen``: mask of the legs."""
+        """Set the blended parameters of some legs to those of their phases.
+
+        ``chosen``: whether a leg is one of them, shape ``(n_legs,)``.
+        """
         controller = self._episode["controller"]
         joints = controller["joints"].reshape(len(chosen), -1)
-        for leg, own, wanted in zip(controller["legs"], joints, chosen, strict=True):
-            if wanted:
-                own["blended"] = own["setpoints"][:, leg["phase"]]
+        for leg, leg_joints, is_chosen in zip(controller["legs"], joints, chosen, strict=True):
+            if is_chosen:
+                leg_joints["blended"] = leg_joints["setpoints"][:, leg["phase"]]
                 leg["gravity"] = leg["gravity_shares"][leg["phase"]]
 
     def _restart_blending(self) -> None:
@@ -213,15 +217,15 @@ class SteppedRun:
         return np.concatenate([np.zeros((0, len(self.layout.names))), *parts])
 
     def discard_rows(self, before: int) -> None:
-        """Free the memory of rows before a tick; a long walk then needs no more memory than a short one."""
+        """Free the memory of the rows before a tick, so that a long walk needs no more than a short one."""
         self._log = [(begin, rows) for begin, rows in self._log if begin + len(rows) > before]
 
     def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
-        """Return the switches of the phases so far, beginning with the one of index ``first``."""
+        """Return the phase switches of the walk so far, from index ``first`` on."""
         return self.engine.phase_switches(first)
 
     def snapshot(self) -> dict[str, Any]:
-        """Return a snapshot from which another run of the same setup can be restored, as values for JSON."""
+        """Return a snapshot of the state as values for JSON; :meth:`restore` of the same setup reads it."""
         return {
             "tick": self.tick,
             "record": base64.b64encode(self.engine.store.tobytes()).decode(),
@@ -233,7 +237,7 @@ class SteppedRun:
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Restore a snapshot of another run of the same setup; rows and switches before it are missing."""
+        """Restore a snapshot of a run of the same setup; rows and switches before it are not available."""
         self.engine.store[:] = np.frombuffer(base64.b64decode(snapshot["record"]), self.engine.store.dtype)
         self.engine.point_at_rows()  # the addresses in the snapshot are not valid in this process
         self._episode["recording"]["n_switches"] = 0
@@ -280,7 +284,8 @@ class SteppedRun:
         faults = self._episode["faults"]
         spare = np.flatnonzero(faults["start_tick"] == NEVER)
         if len(spare) == 0:
-            raise ParameterError(f"fault {fault}: at most {MOST_FAULTS} in one walk; restart it")
+            problem = f"expected at most {MOST_FAULTS} injected faults in one walk; restart the walk"
+            raise ParameterError(f"fault {fault}: {problem}")
         experiment = replace(self.setup.experiment, faults=(replace(fault, time=0.0),))
         (injected,) = fault_records(replace(self.setup, experiment=experiment))
         faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
@@ -292,18 +297,19 @@ class SteppedRun:
 
         ``name``: request of the table of modes. Raises ParameterError if too many requests are pending.
         """
-        problem, modes, tick = self.setup, self.setup.experiment.modes, self.tick
+        setup, modes, tick = self.setup, self.setup.experiment.modes, self.tick
         assert modes is not None  # without modes there are no requests
-        asked, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
-        free = np.flatnonzero(asked["tick"] < tick)
-        if len(free) == 0 or tick in asked["tick"]:
-            raise ParameterError(f"request {name}: others wait; let the time go on")
-        asked[free[0]] = tick, 1 + modes.requests.index(name)
+        requests, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
+        free = np.flatnonzero(requests["tick"] < tick)
+        if len(free) == 0 or tick in requests["tick"]:
+            problem = "earlier requests are pending; advance the walk by a tick and send it again"
+            raise ParameterError(f"request {name}: {problem}")
+        requests[free[0]] = tick, 1 + modes.requests.index(name)
         before, ticks = modes.phase_names[supervisor["mode"]], tick - int(supervisor["entry_tick"])
         self.advance(1)
-        log = log_table(self.rows(tick - 1), self.layout, problem.table)
-        weight = problem.world.body_weight
-        found = request_result(log, len(log) - 1, before, ticks, modes, problem.table, weight)
+        log = log_table(self.rows(tick - 1), self.layout, setup.table)
+        weight = setup.world.body_weight
+        found = request_result(log, len(log) - 1, before, ticks, modes, setup.table, weight)
         return found._replace(tick=tick)
 
     @property
@@ -315,7 +321,7 @@ class SteppedRun:
         return np.asarray(self._episode["controller"]["legs"]["phase"] == self.numbers["held_phase"])
 
     def waiting_legs(self) -> tuple[int, ...]:
-        """Return the numbers of the legs that are in the held phase with an exit that is due."""
+        """Return the numbers of the legs that are in the held phase although one of its exits is due."""
         controller = self._episode["controller"]
         legs, rules = controller["legs"], controller["program"]["transitions"]
         due = (rules["source"] == self.numbers["held_phase"]) & (legs["debounce"] >= rules["debounce_ticks"])
@@ -326,7 +332,7 @@ class SteppedRun:
         self._minimum_ticks[:] = self.setup.program.minimum_ticks
 
     def _hold(self) -> None:
-        """Hold all legs in the held phase, or release all legs if there is none."""
+        """Hold all legs in the held phase, or release all legs if there is no such phase."""
         self.release()
         if self.numbers["held_phase"] is not None:
             self._minimum_ticks[self.numbers["held_phase"]] = NEVER

@@ -93,8 +93,8 @@ def _call_vectorized(
             builder.store(value, at(arguments + row, index))
 
     _loop(builder, count, body)
-    places = range(arguments, arguments + results)
-    return [[builder.load(at(row, _COUNT(number))) for row in places] for number in range(count)]
+    result_rows = range(arguments, arguments + results)
+    return [[builder.load(at(row, _COUNT(number))) for row in result_rows] for number in range(count)]
 
 
 @lru_cache(maxsize=8)

@@ -1,6 +1,6 @@
 """Types of numba that present a block of episodes like the record of one episode.
 
-A block (:func:`~twin_gait.simulation.block.side_by_side`), a lane of it, and every record or list in them are
+A block (:func:`~twin_gait.simulation.block.interleave`), a lane of it, and every record or list in them are
 views: an address and a lane, with the fields of the record. Fields that are equal in all lanes are read once,
 in the first lane; other fields of a block as a whole cannot be read, and none can be written.
 """

@@ -30,19 +30,19 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
 
     Raises ParameterError if the wearer makes an effort and the cycle of the table is not a stride.
     """
-    patient, places = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
+    patient, keys = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
     if patient is None or patient.is_torque_free:
-        return [Limb(model.index(*place), JointCondition(), [], new_delay_line(0)) for place in places]
-    own = [patient.conditions.get(place, JointCondition()) for place in places]
-    spans = phase_spans(table) if any(item.effort * item.strength for item in own) else {}
+        return [Limb(model.index(*key), JointCondition(), [], new_delay_line(0)) for key in keys]
+    conditions = [patient.conditions.get(key, JointCondition()) for key in keys]
+    spans = phase_spans(table) if any(item.effort * item.strength for item in conditions) else {}
     return [
         Limb(
-            model.index(*place),
+            model.index(*key),
             item,
-            _moments(experiment, table, spans, place[1]).tolist(),
+            _moments(experiment, table, spans, key[1]).tolist(),
             new_delay_line(round(patient.effort_delay / TICK)),
         )
-        for place, item in zip(places, own, strict=True)
+        for key, item in zip(keys, conditions, strict=True)
     ]
 
 

@@ -33,8 +33,8 @@ def step_error(run: Run, **watch: Unpack[WorkCallbacks]) -> dict[str, Any]:
     others = (each for each in coarser if not math.isclose(each, step))
     runs = {each: run if each == step else _at(run, each, **watch) for each in sorted((step, *others))}
     rows = [{"step_s": each, **_difference(other, reference)} for each, other in runs.items()]
-    own = next(row for row in rows if row["step_s"] == step)
-    found = {name: value for name, value in own.items() if name != "wall_s"}
+    row_at_step = next(row for row in rows if row["step_s"] == step)
+    found = {name: value for name, value in row_at_step.items() if name != "wall_s"}
     return {**found, "reference_step_s": step / REFINEMENT, "steps": rows}
 
 

@@ -88,8 +88,8 @@ def _measured(
     columns: tuple[str, ...] | None,
     items: Sequence[Item],
 ) -> Iterator[tuple[int, Result]]:
-    for place, run in simulate_blocks(map(experiment_of, items), columns=columns):
-        yield place, measure(run)
+    for index, run in simulate_blocks(map(experiment_of, items), columns=columns):
+        yield index, measure(run)
 
 
 def _choose_block_size(
@@ -107,8 +107,8 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
     walking, patient = experiment.scenario.walking, experiment.patient
     if walking is None or patient is None:
         raise ParameterError(
-            f"{experiment.name}: expected a wearer who walks on the ground; name such a preset, and somebody"
-            " with --patient"
+            f"{experiment.name}: expected a wearer who walks on the ground; choose such a preset, and a "
+            "person with --patient"
         )
     return walking, patient
 
@@ -116,10 +116,8 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
 # New values by key of an experiment document, joined by dots, such as ``patient.mass_kg``.
 Override = Mapping[str, Any]
 FlatSummary = dict[str, float | str | bool | None]
-REPLACEABLE_KEYS = (
-    "patient",
-    "table",
-)  # keys whose values may be names of entities that are replaced as a whole
+# Keys whose values may be names of entities that are replaced as a whole.
+REPLACEABLE_KEYS = ("patient", "table")
 # Meaning of names, by key and name_of: mappings of an experiment document; paths under FILES.
 FILES = "files"
 Named = Mapping[str, Mapping[str, Any]]
@@ -155,9 +153,9 @@ def simulate_batch(
     :func:`twin_gait.studies.jobs.run_jobs`, which also describes ``watch``.
 
     Returns a table with a row for each episode in their order, of the first ones only if the work was
-    stopped; its columns are those of :func:`table_of`. Raises WorkersLost if a worker process dies. Raises
-    ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
-    cannot be simulated, or the number of workers is invalid.
+    stopped; its columns are those of :func:`results_table`. Raises WorkersLost if a worker process dies.
+    Raises ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an
+    episode cannot be simulated, or the number of workers is invalid.
     """
     base = attach_document(experiment)
     for index, override in enumerate(overrides):
@@ -269,7 +267,7 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     name, separator, _ = str(key).partition("=")
     path = convert_with_context(source, str(key), lambda: parse_path(name, f"{key}="))
     if separator:
-        raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
+        raise ParameterFileError(source, str(key), "expected a key and a value, got an assignment")
     assigned: dict[str, Any] = convert_with_context(source, str(key), lambda: assign(document, path, value))
     return assigned
 

@@ -33,9 +33,9 @@ LONGEST_DROP = 20.0  # [s]; the test of a joint that sticks ends after this time
 # The path of the motor-driven tests starts horizontally at 90°, so that logs of both protocols are read in
 # the same way, rises by at most 92° and returns; its period is the shortest that keeps 2.5 rad/s within the
 # range of the joint.
-TWO_WAY_SPEEDS = (0.15, 2.5)  # peaks of the first and the last test in [rad] / [s]
+TWO_WAY_SPEEDS = (0.15, 2.5)  # peaks of the first and the last test in [rad/s]
 TWO_WAY_PERIOD = 2.0  # [s]
-TWO_WAY_STIFFNESS = 600.0  # [N m] / [rad]; an assumption, 13 rad/s on the bare armature
+TWO_WAY_STIFFNESS = 600.0  # [N·m/rad]; an assumption, 13 rad/s on the bare armature
 TWO_WAY_DAMPING_RATIO = 0.7  # on the bare armature
 SETTINGS_FILE = "campaign.json"
 CAMPAIGN = FolderKind("a campaign", SETTINGS_FILE)
@@ -106,8 +106,8 @@ def planned_tests(campaign: Campaign) -> list[PlannedTest]:
     """
     plans, bench = [], campaign.plain_bench()
     seeds = np.random.SeedSequence(campaign.seed).spawn(len(WEIGHTS) * TESTS_PER_WEIGHT)
-    for place, seed in enumerate(seeds):
-        mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
+    for index, seed in enumerate(seeds):
+        mass, number = WEIGHTS[index // TESTS_PER_WEIGHT], index % TESTS_PER_WEIGHT + 1
         if campaign.protocol is Protocol.DROP:
             settings, changes = _drop(campaign.joint, mass, number)
         else:

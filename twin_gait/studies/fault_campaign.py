@@ -89,9 +89,10 @@ def fault_row(run: Run) -> dict[str, Any]:
     """
     (fault,) = run.experiment.faults
     trip, limits = run.trip, run.experiment.control.limits
-    places = [f"{side}_{joint}" for side in run.sides for joint in run.table.joints]
-    torque, current = (  # the largest magnitudes; NaN if a value is empty
-        float(np.abs(run.log[[f"{place}_{name}" for place in places]].to_numpy()).max())
+    prefixes = [f"{side}_{joint}" for side in run.sides for joint in run.table.joints]
+    # Largest magnitudes; NaN if a value is empty.
+    torque, current = (
+        float(np.abs(run.log[[f"{prefix}_{name}" for prefix in prefixes]].to_numpy()).max())
         for name in ("motor_torque_Nm", "measured_current_A")
     )
     plant = [name for name in run.log if not str(name).endswith(_MEASURED)]
@@ -136,7 +137,7 @@ def simulate_faults(
         row,
         faults,
         workers=workers,
-        episode_name=lambda place: f"fault {faults[place]}",
+        episode_name=lambda index: f"fault {faults[index]}",
         **watch,
     )
     return pd.DataFrame(rows)

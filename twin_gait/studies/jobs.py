@@ -100,11 +100,12 @@ def run_blocks(
     del on_compile  # used by the function only; declared here so that a misspelt keyword is an error
     total, done = len(items), 0
     results: dict[int, Result] = {}
-    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
-        blocks = max(own.slots(), math.ceil(total / block))
+    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as pool:
+        blocks = max(pool.slots(), math.ceil(total / block))
         chunks = _chunks(items, max(1, math.ceil(total / blocks)), should_stop)
-        with closing(own.as_completed(partial(_process_chunk, function, sources_hash()), chunks)) as coming:
-            for found, problem in coming:
+        process_chunk = partial(_process_chunk, function, sources_hash())
+        with closing(pool.as_completed(process_chunk, chunks)) as completed:
+            for found, problem in completed:
                 (on_results or results.update)(found)
                 if problem:
                     raise JobError(*problem)
@@ -116,11 +117,11 @@ def run_blocks(
 
 def _one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
     """Call a function of one item for each item of a block, as :func:`run_blocks` requires."""
-    for place, item in enumerate(items):
+    for index, item in enumerate(items):
         try:
-            yield place, function(item)
+            yield index, function(item)
         except TwinGaitError as error:
-            raise JobError(place, str(error)) from error
+            raise JobError(index, str(error)) from error
 
 
 def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[dict[int, Any]]:
@@ -128,7 +129,7 @@ def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterat
     for first in range(0, len(items), size):
         if should_stop is not None and should_stop():
             return
-        yield {place: items[place] for place in range(first, min(first + size, len(items)))}
+        yield {index: items[index] for index in range(first, min(first + size, len(items)))}
 
 
 def _process_chunk(
@@ -144,8 +145,8 @@ def _process_chunk(
     indices, problem = list(chunk), None
     with _PROCESS_LOCK:
         try:
-            for place, result in function(list(chunk.values())):
-                results[indices[place]] = result
+            for position, result in function(list(chunk.values())):
+                results[indices[position]] = result
         except JobError as error:  # a text, because not every exception can be pickled
             problem = (indices[error.index], error.problem)
     return results, problem
@@ -163,7 +164,7 @@ def sources_hash() -> str:
     for path in sorted(
         [*root.glob("**/*.py"), *root.glob("configuration/patients/*.yaml"), *root.glob("studies/**/*.yaml")]
     ):
-        place = path.relative_to(root)
-        if place.parts[0] not in DISPLAY_MODULES:
-            digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())
+        relative = path.relative_to(root)
+        if relative.parts[0] not in DISPLAY_MODULES:
+            digest.update(f"{relative.as_posix()}\0".encode() + path.read_bytes())
     return digest.hexdigest()

@@ -23,8 +23,8 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError, Twin
 from twin_gait.parameters.quantities import require
 
 _DIED = (
-    "a worker process died; is memory short? try fewer workers. Each runs the script from its beginning: the "
-    "script's own code must stand under if __name__ == '__main__': (or take workers=1)"
+    "a worker process ended unexpectedly; if memory is short, use fewer workers. Each worker imports the "
+    "script: put its own code under if __name__ == '__main__': (or use workers=1)"
 )
 
 Item = TypeVar("Item")
@@ -39,7 +39,7 @@ class WorkersLost(TwinGaitError):
 
 
 class Workers:
-    """Processes of this machine, or the workers of a Dask cluster, for several calls of :func:`run_jobs`.
+    """Processes of this machine, or the workers of a Dask cluster, for several calls of ``run_jobs``.
 
     A context manager; processes start with the first job and end with the context. Workers end with a parent
     that is killed. One process means the calling process.
@@ -102,7 +102,8 @@ class Workers:
                 raise
             reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             raise WorkersLost(
-                f"the cluster is gone or gave up ({reason}); has every worker the same twin_gait and memory?"
+                f"the cluster has stopped ({reason}); check that all workers have the same twin_gait and "
+                "enough memory"
             ) from error
         finally:
             for future in pending:
@@ -165,11 +166,12 @@ def _connected(address: str) -> Any:
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise ParameterError(
-            f"--scheduler {address}: no Dask scheduler answers there ({reason}); give it as tcp://host:port"
+            f"--scheduler {address}: no Dask scheduler responds there ({reason}); give it as tcp://host:port"
         ) from error
     with contextlib.suppress(TimeoutError):
         client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
     if not client.nthreads():
         client.close()
-        raise WorkersLost(f"{address}: no workers; start some with: dask worker {address} --nthreads 1")
+        start = f"dask worker {address} --nthreads 1"
+        raise WorkersLost(f"{address}: there are no workers; start some with: {start}")
     return client

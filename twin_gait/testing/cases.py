@@ -64,7 +64,8 @@ class TransitionTest:
     def undecided(self) -> str | None:
         """Reason why there is nothing to test, or None for a test that runs."""
         why = "implied by other conditions, shadowed by another exit, or too many choices to try"
-        return None if self.scenario.steps else f"no measurements make this decide: {why}"
+        problem = f"there are no measurements with which this condition decides: {why}"
+        return None if self.scenario.steps else problem
 
     def run(self) -> None:
         """Run the scenario on the machine, unless :attr:`undecided`.
@@ -81,7 +82,7 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     """Create the tests of a gait table.
 
     Tested for every transition: it fires just past each threshold, and holds just below and on it; each
-    condition of ``all`` and ``any`` by itself; debounce; minimum duration; time-out; priority; the clock of
+    condition of ``all`` and ``any`` by itself; debounce; minimum duration; timeout; priority; the clock of
     the next phase; the rejection of invalid measurements. The expectations are derived from the table alone.
 
     ``table``: of gait or of modes. ``machine``: builds the machine under test in a phase that it has entered
@@ -148,9 +149,9 @@ def _check_rejection(table: StateTable, scenario: ExitScenario, factory: Machine
             machine.step(last.tick, bad, last.vector.other_phase)
         except MeasurementError:
             stays = machine.phase == scenario.phase
-            _require(stays, f"{text}: refused, but the phase is now {machine.phase}")
+            _require(stays, f"{text}: rejected, but the phase is now {machine.phase}")
         else:
-            raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
+            raise AssertionError(f"{text}: expected a MeasurementError, but the machine accepted it")
 
 
 def approval_text(table: StateTable) -> str:

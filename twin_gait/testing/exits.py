@@ -24,7 +24,7 @@ from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
 from twin_gait.testing.reference import Measurements, TickInput, TickInputs, exit_indices, holds, outcomes
 
-LONGEST_RUN = 20_000  # ticks; a longer time-out is not run tick by tick
+LONGEST_RUN = 20_000  # ticks; a longer timeout is not run tick by tick
 
 
 class ExitScenario(NamedTuple):
@@ -54,8 +54,8 @@ def decisive(guard: Guard) -> Iterator[Decisive]:
     if isinstance(guard, (Comparison, PhaseMembership)):
         yield Decisive(guard)
         return
-    for place, inner in enumerate(guard.guards):
-        beside = guard.guards[:place] + guard.guards[place + 1 :]
+    for index, inner in enumerate(guard.guards):
+        beside = guard.guards[:index] + guard.guards[index + 1 :]
         requirements = tuple(Requirement(other, isinstance(guard, AllOf)) for other in beside)
         for item in decisive(inner):
             group = item.group or (guard if beside else None)
@@ -139,7 +139,7 @@ class Exit:
 
     @cached_property
     def latest(self) -> float:
-        """Number of ticks after which a time-out ends the phase; infinite without a time-out."""
+        """Number of ticks after which a timeout ends the phase; infinite without a timeout."""
         waits = [item for item in self.siblings if item.item.is_timeout]
         return min((max(item.item.timeout_ticks or 0, item.debounce) for item in waits), default=math.inf)
 

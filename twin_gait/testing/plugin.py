@@ -42,8 +42,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if not (tables or approved or approve or in_c):
         return
     paths = [Path(name).resolve() for name in tables]
-    wanted = len(tables) if approved or approve else 0
-    if not tables or len(approved) != wanted or len(set(paths)) < len(paths):
+    expected = len(tables) if approved or approve else 0
+    if not tables or len(approved) != expected or len(set(paths)) < len(paths):
         raise pytest.UsageError(
             "expected --gait-table FILE, each once, with --machine, and one --approved FILE for each with "
             "--approve"
@@ -109,8 +109,8 @@ class GaitTableTests(pytest.File):
         except (OSError, UnicodeDecodeError, TwinGaitError) as error:
             raise AssertionError(f"{path}: {error}") from error
         if problem is not None:
-            how = f"approve it with: pytest --gait-table {self.path} --approved {path} --approve"
-            raise AssertionError(f"{problem}\n{how}")
+            hint = f"approve it with: pytest --gait-table {self.path} --approved {path} --approve"
+            raise AssertionError(f"{problem}\n{hint}")
 
 
 class KitItem(pytest.Item):

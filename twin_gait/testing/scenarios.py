@@ -1,4 +1,4 @@
-"""Scenarios that the kit tests for an exit: thresholds, lists, debounce, times, priority, other phases."""
+"""Scenarios of the test kit for an exit: thresholds, lists, debounce, times, priority, other phases."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -29,7 +29,10 @@ MARGIN = 1e-9  # distance from a threshold, relative to it or to 1, in the unit 
 
 
 def scenarios(leave: Exit) -> Iterator[ExitScenario]:
-    """Yield all scenarios of an exit; a scenario has no steps if no measurements can test its property."""
+    """Yield all scenarios of an exit.
+
+    A scenario has no steps if there are no measurements with which its property can be tested.
+    """
     found = list(_phase_scenarios(leave))
     yield from found
     taking = [item for item in found if item.expected and item.expected[-1] == leave.index]
@@ -41,7 +44,7 @@ def _phase_scenarios(leave: Exit) -> Iterator[ExitScenario]:
     if leave.item.is_timeout:
         time = leave.item.timeout_ticks or 0
         yield leave.scenario(
-            f"time-out: fires after {time * TICK:g} s, not a tick before", _timeout_steps(leave)
+            f"timeout: fires after {time * TICK:g} s, not a tick before", _timeout_steps(leave)
         )
     else:
         for entry in decisive(leave.item.guard):
@@ -54,7 +57,7 @@ def _phase_scenarios(leave: Exit) -> Iterator[ExitScenario]:
 
 
 def _scenarios_after_exit(leave: Exit, taking: ExitScenario) -> Iterator[ExitScenario]:
-    """Yield scenarios that start from measurements with which the exit is taken."""
+    """Yield scenarios that reuse measurements with which the exit is taken."""
     last = taking.steps[-leave.debounce - 1 :]
     yield from _clock(leave, last)
     yield from _other_phase_scenarios(leave)
@@ -63,15 +66,15 @@ def _scenarios_after_exit(leave: Exit, taking: ExitScenario) -> Iterator[ExitSce
     if leave.yields(alone):
         words = leave.table.vocabulary.member
         yield leave.scenario(f"holds without {'another leg' if words == 'phase' else f'a {words}'}", alone)
-    refused = leave.scenario("refuses signals that are NaN, infinite or missing", steps)
-    yield refused._replace(expects_rejection=True)
+    invalid = leave.scenario("rejects signals that are NaN, infinite or missing", steps)
+    yield invalid._replace(expects_rejection=True)
 
 
 # ---------------------------------------------------------------------- thresholds and lists
 
 
 def edges(leave: Exit, entry: Decisive) -> Iterator[ExitScenario]:
-    """Yield scenarios for one condition of a guard, and for the list that contains it."""
+    """Yield scenarios for a condition of a guard, and for the list ``all`` or ``any`` that contains it."""
     atom = entry.atom
     if isinstance(atom, PhaseMembership):
         yield from _memberships(leave, entry, atom)
@@ -84,12 +87,12 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[ExitScenario]:
             yield leave.scenario(f"holds on the threshold of {atom}", on)
     if entry.group is not None:
         alone = isinstance(entry.group, AnyOf)
-        what = f"any: fires by {atom} alone" if alone else f"all: holds while only {atom} is missing"
-        yield _far_scenario(leave, what, entry, Requirement(atom, alone), alone)
+        description = f"any: fires by {atom} alone" if alone else f"all: holds while only {atom} is missing"
+        yield _far_scenario(leave, description, entry, Requirement(atom, alone), alone)
 
 
 def _below_threshold_steps(leave: Exit, entry: Decisive, atom: Comparison, past: TickInputs) -> TickInputs:
-    """Return the same measurements with that one signal moved, or others if a rival opens there."""
+    """Return steps just below a threshold: ``past`` with one signal changed, if no other exit opens then."""
     if past and not reads_own_time(atom):
         signals = past[0].vector.signals
         moved = {**signals, atom.signal: signals.get(atom.signal, 0.0) - 2.0 * _signed_margin(atom, MARGIN)}
@@ -100,12 +103,12 @@ def _below_threshold_steps(leave: Exit, entry: Decisive, atom: Comparison, past:
 
 
 def _signed_margin(atom: Comparison, margin: float) -> float:
-    """Return the distance above the threshold, negative below, for a margin into the open side."""
+    """Return the signed distance from the threshold; with a positive ``margin`` the condition is true."""
     return (margin if atom.operator == ">" else -margin) * max(1.0, abs(atom.threshold))
 
 
 def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accepts: Accept) -> TickInputs:
-    """Return steps, one debounce long, with a condition inside by a margin (outside if it is negative)."""
+    """Return steps of one debounce in which a condition is true by a margin; false if it is negative."""
     in_time = reads_only_own_time(atom)
     starts = _turns(leave, atom, margin > 0.0) if in_time else leave.starts(leave.debounce)
     stretch = (entry.requirements, leave.debounce)
@@ -117,7 +120,10 @@ def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accept
 
 
 def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
-    """Return the start of the debounce that just fits, or just does not fit, a threshold in time."""
+    """Return the start tick of a debounce that just fits a threshold in time, or misses it by one tick.
+
+    ``inside``: whether it fits. Returns an empty list if the phase leaves no time for it.
+    """
     turn = turning_tick(atom)
     start = turn if atom.operator == ">" else turn - leave.debounce
     outward = -1 if atom.operator == ">" else 1
@@ -127,7 +133,11 @@ def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
 
 
 def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Bound]:
-    """Return bounds that fix a difference at its edge, at the nearest tick; none for a time alone."""
+    """Return bounds that fix the value of a comparison at its threshold plus a margin.
+
+    The time in the phase is fixed at the tick of the debounce that is nearest to the threshold. There are no
+    bounds for a condition on this time alone.
+    """
     if reads_only_own_time(atom):
         return []
     late = (atom.operator == ">") is (margin > 0.0)
@@ -137,7 +147,7 @@ def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Boun
 
 
 def _on_threshold_steps(leave: Exit, entry: Decisive, atom: Comparison) -> TickInputs:
-    """Return steps exactly on a threshold; one signal of a difference is zero, so that no digit is lost."""
+    """Return steps exactly on a threshold; one signal of a difference is zero, to avoid rounding."""
 
     def on(leave: Exit, steps: TickInputs) -> bool:
         signals = steps[0].vector.signals
@@ -157,23 +167,25 @@ def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterato
     for phase in leave.table.members:
         inside = phase in atom.phases
         when = f"while the other leg is in {phase}" if words == "phase" else f"on the {words} {phase}"
-        what = f"{'fires' if inside else 'holds'} {when}"
-        yield _far_scenario(leave, what, entry, Requirement(replace(atom, phases=(phase,))), inside)
+        description = f"{'fires' if inside else 'holds'} {when}"
+        yield _far_scenario(leave, description, entry, Requirement(replace(atom, phases=(phase,))), inside)
 
 
-def _far_scenario(leave: Exit, what: str, entry: Decisive, more: Requirement, opens: bool) -> ExitScenario:
-    """Return a scenario in which the exit is taken, or not, with a condition far from its thresholds."""
+def _far_scenario(
+    leave: Exit, description: str, entry: Decisive, more: Requirement, opens: bool
+) -> ExitScenario:
+    """Return a scenario with signals far from all thresholds; ``opens``: whether the exit must be taken."""
     accepts = (Exit.fires,) if opens else (Exit.stays, Exit.yields)
-    return leave.scenario(what, leave.search_with_margin([*entry.requirements, more], *accepts))
+    return leave.scenario(description, leave.search_with_margin([*entry.requirements, more], *accepts))
 
 
 # ---------------------------------------------------------------------- time
 
 
 def _debounce(leave: Exit) -> Iterator[ExitScenario]:
-    """Yield scenarios of the debounce: the guard has to be open on consecutive ticks.
+    """Yield scenarios of the debounce: the exit is taken after consecutive ticks with an open guard.
 
-    One closed tick restarts the count.
+    One tick with a closed guard restarts the count.
     """
     ticks = leave.debounce
     if ticks == 1:
@@ -186,17 +198,17 @@ def _debounce(leave: Exit) -> Iterator[ExitScenario]:
 
 
 def _waiting(leave: Exit) -> Iterator[ExitScenario]:
-    """Yield scenarios in which an early open guard waits for the minimum duration or the time, then fires."""
+    """Yield scenarios in which a guard opens early, and the exit waits for the minimum duration or time."""
     minimum, time = leave.table.phases[leave.item.source].minimum_ticks, leave.item.timeout_ticks
     if minimum > 1 and leave.gate == minimum:
-        what = f"minimum duration: open before, fires after {minimum} ticks"
-        yield leave.scenario(what, _waits(leave, minimum))
+        description = f"minimum duration: open before, fires after {minimum} ticks"
+        yield leave.scenario(description, _waits(leave, minimum))
     if time is not None:
         yield leave.scenario(f"time: open before, fires after {time * TICK:g} s", _waits(leave, time))
 
 
 def _waits(leave: Exit, until: int) -> TickInputs:
-    """Return steps with an open guard whose debounce is over before a tick, up to that tick."""
+    """Return steps up to the tick ``until``, with an open guard whose debounce ends before it."""
     start = max(1, until - leave.debounce - 1)
     if start + leave.debounce - 1 >= until or until >= leave.latest:
         return ()
@@ -204,9 +216,9 @@ def _waits(leave: Exit, until: int) -> TickInputs:
 
 
 def _timeout_steps(leave: Exit) -> TickInputs:
-    """Return steps with all guards closed until a pure time-out fires.
+    """Return steps with all guards closed until a pure timeout is taken.
 
-    These are at most the last ``LONGEST_RUN`` ticks before it.
+    There are at most ``LONGEST_RUN`` steps.
     """
     due = max(leave.item.timeout_ticks or 0, leave.debounce)
     starts = (max(1, due - LONGEST_RUN), max(1, due - leave.debounce))
@@ -217,9 +229,9 @@ def _timeout_steps(leave: Exit) -> TickInputs:
 
 
 def _priority(first: Exit, second: Exit) -> Iterator[ExitScenario]:
-    """Yield a scenario in which both exits become due in the same tick: the one listed first is taken.
+    """Yield a scenario in which two exits become due in the same tick and the first in the list is taken.
 
-    Yields nothing if they never become due together.
+    Yields nothing if they never become due in the same tick.
     """
     items = list(first.table.transitions)
     items[first.index], items[second.index] = items[second.index], items[first.index]
@@ -232,8 +244,8 @@ def _priority(first: Exit, second: Exit) -> Iterator[ExitScenario]:
     sparing = replace(first, ignored_rival=second.index)
     steps = first_of(sparing.search(*schedule, wins) for schedule in _schedules(first, second))
     if steps:
-        what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
-        yield first.scenario(what, steps)
+        description = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
+        yield first.scenario(description, steps)
 
 
 def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretch]]]:
@@ -242,7 +254,7 @@ def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretc
     both, due = [first.opens, second.opens], max(first.gate, second.gate)
     waits = [item for item in (first, second) if item.item.is_timeout]
     if waits:
-        # A guard opens so that its debounce ends with the time-out.
+        # The guards open so that their debounce ends in the tick of the timeout.
         guarded = [item for item in (first, second) if not item.item.is_timeout]
         due, ticks = int(first.latest), max((item.debounce for item in guarded), default=1)
         lead = max(0, min(due - ticks, max(item.debounce for item in waits)))
@@ -269,12 +281,15 @@ def _clock(leave: Exit, before: TickInputs) -> Iterator[ExitScenario]:
             taken = [index for index in leave.outcomes(both) if index is not None]
             if taken == [leave.index, follower.index]:
                 cause = follower.item.cause
-                what = f"clock: {later[-1].tick} ticks for {cause} count from the entry of {target}"
-                yield leave.scenario(what, both)
+                description = f"clock: {later[-1].tick} ticks for {cause} count from the entry of {target}"
+                yield leave.scenario(description, both)
 
 
 def _steps_from_entry(leave: Exit) -> Iterator[TickInputs]:
-    """Yield steps that keep an exit open from the entry until it is taken; for a time-out, its last wait."""
+    """Yield steps that keep an exit open from the entry until it is taken.
+
+    For a timeout, only the last steps are yielded.
+    """
     if leave.item.is_timeout:
         yield _timeout_steps(leave)[-leave.debounce - 1 :]
         return
@@ -283,23 +298,23 @@ def _steps_from_entry(leave: Exit) -> Iterator[TickInputs]:
         if inside and 1 < inside[-1].tick <= LONGEST_RUN:
             steps = constant(inside[0].vector, range(1, inside[-1].tick + 1))
             taken = leave.outcomes(steps)
-            due = next((place for place, index in enumerate(taken) if index is not None), 0)
+            due = next((step for step, index in enumerate(taken) if index is not None), 0)
             yield steps[: due + 1] if due and taken[due] == leave.index else ()
 
 
 def _other_phase_scenarios(leave: Exit) -> Iterator[ExitScenario]:
-    """Yield scenarios in which the exit does not exist in another phase.
+    """Yield scenarios in which signals that open the exit have no effect in another phase.
 
-    Phases that another exit always leaves are skipped.
+    A phase is skipped if one of its own exits opens with all such signals.
     """
     for phase in leave.table.phase_names:
         if phase != leave.item.source and (steps := _idle(leave, phase)):
-            what = f"holds in {phase}, which it does not leave"
-            yield ExitScenario(what, phase, steps, (None,) * len(steps))
+            description = f"holds in {phase}, which it does not leave"
+            yield ExitScenario(description, phase, steps, (None,) * len(steps))
 
 
 def _idle(leave: Exit, phase: str) -> TickInputs:
-    """Return steps in another phase with which an exit would be taken in its own, and no exit is open."""
+    """Return steps that would take the exit in its own phase, and take no exit of another phase."""
     table = leave.table
     closed = [item.closes for item in exits_of(table, phase) if item.item.guard != AllOf(guards=())]
     gate = max(leave.gate, table.phases[phase].minimum_ticks)

@@ -85,7 +85,7 @@ def _frames(motion: Motion) -> dict[str, Any]:
     for leg in motion.legs.values():
         series = {}
         for name, curve in leg.curves.items():
-            # Forces in [N] have two decimals; angles in [deg] and torques in [N m] have four.
+            # Forces in [N] have two decimals; angles in [deg] and torques in [N·m] have four.
             rounded = np.round(curve.values, 2 if name in ("force", "crutch") else 4) + 0.0
             known = [value if np.isfinite(value) else None for value in rounded.tolist()]
             series[name] = {"steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(), "values": known}
@@ -106,16 +106,16 @@ def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
     states = [scene.state_at(motion, frame) for frame in range(len(motion.times))]
     # Switches have slightly earlier keys, because a key that is rounded up would come after its own frame.
     early = np.maximum(motion.times - _SWITCH, 0.0)
-    for place, name in states[0]:
-        values = np.array([state[place, name] for state in states])
+    for path, name in states[0]:
+        values = np.array([state[path, name] for state in states])
         if name in _CONTINUOUS:
-            track = Track(place, name, motion.times, np.round(values.astype(float), _DECIMALS) + 0.0)
+            track = Track(path, name, motion.times, np.round(values.astype(float), _DECIMALS) + 0.0)
         elif name == "color":  # interpolated: a key just before each frame repeats the old colour
             times = np.column_stack((early, motion.times)).ravel()[1:]
             colours = np.round(np.repeat(values[:, :3], 2, axis=0)[:-1], 4)
-            track = Track(f"{place}/<object>", "material.color", times, colours)
+            track = Track(f"{path}/<object>", "material.color", times, colours)
         else:
-            track = Track(place, name, early, values)
+            track = Track(path, name, early, values)
         if (track.values != track.values[0]).any():
             yield _drop_redundant_keys(track)
 
@@ -132,7 +132,7 @@ def _drop_redundant_keys(track: Track) -> Track:
 def _belt_track(speed: np.ndarray) -> Track:
     """Make the track of marks that move back with the belt and jump forward by one spacing, unnoticeably.
 
-    ``speed`` of the belt at every tick in [m] / [s].
+    ``speed`` of the belt at every tick in [m/s].
     """
     offsets = environment.belt_offset(TICK * (np.cumsum(speed) - speed))
     before = np.flatnonzero(np.abs(np.diff(offsets)) > 0.5 * environment.BELT_MARK_SPACING)

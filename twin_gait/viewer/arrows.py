@@ -13,7 +13,7 @@ from twin_gait.viewer.shapes import Shape
 
 # Scales of the arrows, which the scene uses and the legend of the page states.
 METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
-FULL_TORQUE = 60.0  # [N m], torque of the longest arrow: about the largest torque in a step of the presets
+FULL_TORQUE = 60.0  # [N·m], torque of the longest arrow: about the largest torque in a step of the presets
 FORCE_ROOT = "/meshcat/forces"
 _LONGEST_ARROW = 1.2  # [m]
 LEVELS = 6  # number of meshes of different length for each sign of the torque
@@ -52,7 +52,7 @@ def arc_state(arcs: Mapping[int, str], torque: float) -> SceneState:
     """Return the visibility of the arrows of a joint, of which at most one is visible.
 
     ``arcs``: path of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0; ``torque`` of the
-    motor on the joint in [N m], positive in the direction of increasing angle.
+    motor on the joint in [N·m], positive in the direction of increasing angle.
     """
     seen = level(torque)
     return {(path, "visible"): number == seen for number, path in arcs.items()}
@@ -61,7 +61,7 @@ def arc_state(arcs: Mapping[int, str], torque: float) -> SceneState:
 def level(torque: float) -> int:
     """Return the level of the arrow for a torque.
 
-    ``torque`` in [N m]. The level is from ``-LEVELS`` to ``LEVELS`` and has the sign of the torque; 0 means
+    ``torque`` in [N·m]. The level is from ``-LEVELS`` to ``LEVELS`` and has the sign of the torque; 0 means
     less than half a level.
     """
     share = torque / FULL_TORQUE if math.isfinite(torque) else 0.0

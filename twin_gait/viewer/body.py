@@ -199,11 +199,11 @@ def draw_crutches(
         for side, left in LEFT.items()
     }
     for side in LEFT:
-        for name, path, look in (
+        for name, path, look in (  # meshes of 1 m along z
             ("wearer_upper_arm", "upper_arm/skin", "skin"),
             ("wearer_forearm", "forearm/skin", "skin"),
             ("crutch", "forearm/crutch", "plastic"),
-        ):  # meshes of 1 m along z
+        ):
             shape, casts = shapes.load_packaged_mesh(name, _wearer_scaling(patient, 1.0)), look == "plastic"
             draw_mesh(window, f"{ROOT}/{side}_{path}", shape, MATERIALS[look], casts=casts)
 

@@ -95,10 +95,10 @@ class ArticulatedFigure:
     def _ends(self, index: int) -> list[np.ndarray]:
         """Return the positions of the child joints, or of a last link's frames, in the joint's frame [m]."""
         after = [child for child in range(1, self.model.njoints) if self.model.parents[child] == index]
-        places = [self.model.jointPlacements[child] for child in after] or [
+        placements = [self.model.jointPlacements[child] for child in after] or [
             frame.placement for frame in self.model.frames if frame.parentJoint == index
         ]
-        ends = [np.asarray(place.translation).copy() for place in places]
+        ends = [np.asarray(placement.translation).copy() for placement in placements]
         return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
     def segment(self, joint: str) -> np.ndarray:
@@ -129,9 +129,7 @@ class ArticulatedFigure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # axes of the scene in the frame of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        thick = (
-            shapes.load_packaged_mesh("motor_cap", np.eye(4)).vertices[:, 2].max()
-        )  # thickness for radius 1
+        thick = shapes.load_packaged_mesh("motor_cap", np.eye(4)).vertices[:, 2].max()  # for radius 1
         middle = before.translation + (thick * radius + _ARC_GAP) * face
         placement = shapes.frame(axis, up, at=middle)
         paths = {}
@@ -172,10 +170,10 @@ class ArticulatedFigure:
         """Return all joints and the vertices of the parts, or all frames, at zero in [m], ``(n, 3)``."""
         pin.framesForwardKinematics(self.model, self._data, pin.neutral(self.model))
         origins = [*self._data.oMi, *(() if self._parts else self._data.oMf)]
-        points = [np.array([place.translation for place in origins])]
+        points = [np.array([placement.translation for placement in origins])]
         for part in self._parts:
-            place = self._data.oMi[self.model.getJointId(part.joint)]
-            points.append(shapes.transform_mesh(part.shape, place.homogeneous).vertices)
+            placement = self._data.oMi[self.model.getJointId(part.joint)]
+            points.append(shapes.transform_mesh(part.shape, placement.homogeneous).vertices)
         return np.concatenate(points) @ self.base[:3, :3].T
 
     def world_point(self, joint: str, point: np.ndarray | None = None) -> np.ndarray:

@@ -45,8 +45,8 @@ class LegMotion:
     """Motion of one leg over time."""
 
     phases: PhaseSpells
-    # angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so on, the
-    # parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal forces of foot and
+    # angles in [deg] by the names of the joints, motor torques in [N·m] as ``hip_torque`` and so on, the
+    # parts of the commanded torque in [N·m] as ``hip_impedance`` and so on, and the normal forces of foot and
     # crutch in [N] as ``force`` and ``crutch``; each has points at the frames, and between them where its
     # shape needs them
     curves: Mapping[str, Curve]
@@ -87,7 +87,7 @@ def read_motion(
     coordinates, _ = state_columns(model)
     for name in ("time_s", *coordinates, *(f"{side}_phase" for side in model.sides)):
         if name not in log.columns:
-            raise ViewerError(f"the log has no column {name!r}; is it a log of {model.urdf_path.name}?")
+            raise ViewerError(f"the log has no column {name!r}; expected a log of {model.urdf_path.name}")
     finite = np.isfinite(log[coordinates].to_numpy(dtype=float)).all(axis=1)
     log = log.iloc[: finite.cumprod().sum()]
     if log.empty:
@@ -130,8 +130,8 @@ def _rows_to_show(times: np.ndarray, frames_per_second: float, frame_times: np.n
     span = float(times[-1])
     step = 1.0 / min(frames_per_second, frame_rate(span))
     inside = frame_times[(frame_times >= 0.0) & (frame_times <= span + 1e-9)]
-    wanted = np.concatenate((step * np.arange(int(span / step + 1e-9) + 1), inside, [span]))
-    rows = np.searchsorted(times, wanted - 1e-9)
+    shown_times = np.concatenate((step * np.arange(int(span / step + 1e-9) + 1), inside, [span]))
+    rows = np.searchsorted(times, shown_times - 1e-9)
     return np.unique(np.minimum(rows, len(times) - 1))
 
 

@@ -34,6 +34,13 @@ _INKS = "#ffffff", "#1b2430"
 _FORCE = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
 _ARROW = {"label": _FORCE, "colour": palette.GROUND_FORCE_COLOUR}
 _EXTENSION = f"Extension torque (longest from {FULL_TORQUE:.0f} N·m on)"
+# Column of the log, without the prefix of its object, by the kind of a curve.
+_COLUMNS = {
+    "angle": "angle_rad",
+    "torque": "motor_torque_Nm",
+    "force": "normal_force_N",
+    "crutch": "crutch_normal_force_N",
+}
 _ARCS = (
     {"label": "Flexion torque", "colour": palette.FLEXION_COLOUR},
     {"label": _EXTENSION, "colour": palette.EXTENSION_COLOUR},
@@ -106,6 +113,10 @@ def page_data(
             for key, colour in palette.TORQUE_COLOURS.items()
             if any(name.endswith(f"_{key}") for leg in legs for name in leg["shows"])
         ],
+        "labels": {
+            kind: {"name": label_of(column).name, "unit": label_of(column).display_unit}
+            for kind, column in _COLUMNS.items()
+        },
         "legs": legs,
         "arrow": _ARROW if any("force" in leg["shows"] for leg in legs) else None,
         "arcs": _ARCS if legs else (),
@@ -129,7 +140,7 @@ def _unicode(text: str) -> str:
 def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     shorts = ["".join(word[0] for word in name.split("_") if word)[:2].upper() for name in names]
     if "" in shorts or len(set(shorts)) < len(names):  # letters that two phases share would be ambiguous
-        shorts = [str(place) for place in range(1, len(names) + 1)]
+        shorts = [str(number) for number in range(1, len(names) + 1)]
     entries = []
     for code, (name, short) in enumerate(zip(names, shorts, strict=True)):
         colour = palette.phase_colour(name, code)
@@ -154,8 +165,8 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
     """Return a self-contained page, which loads nothing from elsewhere.
 
     ``runs``: one run, or two to be shown next to each other: :func:`page_data` with ``frames`` and ``scene``,
-    both compressed by :func:`packed`. A model, which is always shown alone, has a scene, and ``joints``
-    instead of frames.
+    both compressed by :func:`encode_compressed`. A model, which is always shown alone, has a scene, and
+    ``joints`` instead of frames.
     """
     folder = viewer_folder()
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]

@@ -39,7 +39,7 @@ def find_browser() -> str:
     found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
         way_out = f"install one, or name it in {BROWSER_VARIABLE}"
-        raise ViewerError(f"a picture needs Chromium, and there is none of {', '.join(names)}; {way_out}")
+        raise ViewerError(f"a picture needs Chromium, but none of {', '.join(names)} is installed; {way_out}")
     return found
 
 
@@ -62,14 +62,14 @@ def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
             browser, *_FLAGS, *sandbox, f"--user-data-dir={folder}/profile",
             f"--window-size={width},{height}", f"--screenshot={drawn}", address,
         ]  # fmt: skip
-        log = Path(folder) / "said.txt"  # a file, because child processes of the browser may outlive it
+        log = Path(folder) / "stderr.txt"  # a file, because child processes of the browser may outlive it
         try:
             with log.open("wb") as stderr:
                 subprocess.run(
                     command, stdout=subprocess.DEVNULL, stderr=stderr, timeout=BROWSER_TIMEOUT, check=False
                 )
         except (OSError, subprocess.TimeoutExpired) as error:
-            reason = f"it does not start, or is not ready within {BROWSER_TIMEOUT:g} s"
+            reason = f"it did not start, or was not ready within {BROWSER_TIMEOUT:g} s"
             raise ViewerError(f"{browser} cannot draw the page: {reason}") from error
         notes = re.findall(r"twin_gait: ([^\"\n]*)", log.read_text(encoding="utf-8", errors="replace"))
         content = drawn.read_bytes() if drawn.is_file() else b""
@@ -77,5 +77,5 @@ def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
         reason = notes[-1] if notes else "it did not finish the page"
         raise ViewerError(f"{browser} cannot draw the page: {reason}")
     if content[16:24] != struct.pack(">II", width, height):  # size in the header of the PNG
-        raise ViewerError(f"{browser} made no picture of {width}x{height} pixels")
+        raise ViewerError(f"{browser} wrote no picture of {width}x{height} pixels")
     write_atomically(path, content)

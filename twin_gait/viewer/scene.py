@@ -58,7 +58,7 @@ class Scene:
     """Drawn scene whose parts can be moved."""
 
     def __init__(self, window: CommandBuffer, model: pin.Model, urdf: Path, up_axis: str) -> None:
-        """Start a scene with the figure of a model, which :class:`Figure` draws from its URDF."""
+        """Start a scene with the figure of a model, which :class:`ArticulatedFigure` draws from its URDF."""
         environment.set_studio(window)
         self.figure = ArticulatedFigure(window, model, load_visuals(model, urdf), up_axis=up_axis)
         self.caps: dict[Side, list[str]] = {}  # paths of the coloured caps of the motors

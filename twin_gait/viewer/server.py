@@ -1,8 +1,8 @@
-"""Web server of a page and its scene on the loopback interface, for requests with the token of this start.
+"""Web server of a page and its scene on the loopback interface, which requires the token of this start.
 
 Tornado implements the protocols. ``/`` is the page, complete with meshcat's viewer, and ``/socket`` sends the
-scene to it as commands of that viewer. Host and origin are checked against other sites; the token protects
-against other users of this machine, who can reach the port and send any header.
+scene to it as commands of that viewer. The checks of host and origin protect against other sites. The token
+protects against other users of this machine, who can reach the port and send any header.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from twin_gait.exceptions import ViewerError
 
 Change = tuple[Hashable, bytes]
 LOOPBACK = "127.0.0.1"
-PORTS_TRIED = 100
+PORTS_TRIED = 100  # number of ports that are tried, from the first one on
 BACKLOG = 1024  # connections waiting to be accepted; with fewer, a burst delays the next one by a second
-MOST_CONNECTIONS = 256  # a page uses three
+MOST_CONNECTIONS = 256  # largest number of connections; a page uses three
 # Timeout in [s] for the first request with the token; a connection that has sent it has no time limit.
 FIRST_REQUEST = 2.0
-MOST_WAITING = 4096  # items that wait for one page; beyond it, the oldest are dropped
+MOST_WAITING = 4096  # largest number of items that wait for one page; the oldest ones beyond it are dropped
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # A longer message is not read: the socket is closed with status 1009. The functions that check messages may
 # set a lower limit and reply.
@@ -58,16 +58,16 @@ def is_loopback(host: str) -> bool:
 def is_own_page(origin: str | None, host: str) -> bool:
     """Return whether a request comes from a page of this server.
 
-    ``origin``: the ``Origin`` header, or None without one (all browsers send it here); ``host``: the ``Host``
-    header.
+    ``origin``: the ``Origin`` header, or None without one (every browser sends it when it opens a web
+    socket); ``host``: the ``Host`` header.
     """
     return origin is not None and is_loopback(host) and origin.lower() == f"http://{host.lower()}"
 
 
 class GuardedHandler(RequestHandler):  # type: ignore[misc]  # no type information in tornado
-    """Handler of requests with a name of this machine and the token; it rejects others with a reason."""
+    """Handler of requests that have a name of this machine and the token; it rejects others with a reason."""
 
-    needs_origin = False  # if False, a request without an origin is also accepted
+    needs_origin = False  # whether a request without an origin is rejected
 
     def initialize(self, server: Any) -> None:
         """Store the server."""
@@ -77,11 +77,11 @@ class GuardedHandler(RequestHandler):  # type: ignore[misc]  # no type informati
         """Check that a request is from this site and this user; raise HTTPError with status 403 if not."""
         origin, host = self.request.headers.get("Origin"), self.request.host
         if not is_loopback(host):
-            raise HTTPError(403, reason="this server answers under the names of this machine only")
+            raise HTTPError(403, reason="wrong host: use 127.0.0.1 or localhost in the address")
         if (origin or self.needs_origin) and not is_own_page(origin, host):
-            raise HTTPError(403, reason="this server answers its own pages only")
+            raise HTTPError(403, reason="wrong origin: only pages of this server may send requests to it")
         if not self.server.is_valid_token(self.request.query_arguments.get("token", [b""])[-1]):
-            raise HTTPError(403, reason="open the address that was printed: it holds the token of this start")
+            raise HTTPError(403, reason="wrong token: open the address that the program has printed")
         self.server.admit(self.request.connection)
 
     def set_default_headers(self) -> None:
@@ -106,8 +106,8 @@ class NotFoundHandler(GuardedHandler):
 class SendBuffer:
     """Send buffer of one page, which sends one batch at a time.
 
-    New items wait under their keys while a batch is being sent, and a newer item replaces an older one of the
-    same key. A page that has stopped reading therefore needs bounded memory and no time.
+    While a batch is being sent, new items wait under their keys, and a newer item replaces an older one of
+    the same key. A page that has stopped reading therefore needs bounded memory and no computing time.
     """
 
     def __init__(self, write: Callable[[list[Any]], Awaitable[None]]) -> None:
@@ -124,7 +124,7 @@ class SendBuffer:
         return len(self._waiting)
 
     def post(self, items: Iterable[tuple[Hashable, Any]]) -> None:
-        """Schedule items to be sent as soon as the page accepts them; call it inside of an event loop."""
+        """Send items as soon as the page accepts them; must be called inside an event loop."""
         for key, item in items:
             self._waiting.pop(key, None)  # so that the newer item is the last one
             self._waiting[key] = item
@@ -176,11 +176,11 @@ class GuardedSocket(GuardedHandler, WebSocketHandler):  # type: ignore[misc]  # 
 
 
 class LimitedServer(HTTPServer):  # type: ignore[misc]  # no type information in tornado
-    """HTTP server with a limited number of connections; half of them are reserved for those with the token.
+    """HTTP server with a limited number of connections, of which half are reserved for those with the token.
 
-    Connections use at most half of the files of the process. Connections that have not sent the token are
-    closed after ``FIRST_REQUEST``, or earlier, the oldest first, if a new one would exceed their half. A new
-    connection is always accepted, so that idle ones block nobody. There is no limit per address, because a
+    Connections use at most half of the file descriptors of the process. A connection that has not sent the
+    token is closed after ``FIRST_REQUEST``, or earlier, the oldest first, if a new one would exceed their
+    half. Idle connections therefore cannot prevent a new one. There is no limit per address, because a
     program on this machine can connect from any address of 127.0.0.0/8.
     """
 
@@ -226,7 +226,7 @@ def bind_loopback(first_port: int) -> socket.socket:
         with contextlib.suppress(OSError):
             return socket.create_server((LOOPBACK, port), backlog=BACKLOG)
     reason = f"no free port from {first_port} to {tried[-1]}"
-    raise ViewerError(f"the page cannot be served: {reason}; give another --port")
+    raise ViewerError(f"the page cannot be served: there is {reason}; give another --port")
 
 
 class SceneServer:
@@ -254,7 +254,7 @@ class SceneServer:
         self._http.add_socket(listener)
 
     def scene(self) -> Iterable[Change]:
-        """Return encoded commands for a newly opened scene; a page that contains its scene needs none."""
+        """Return the encoded commands for a newly opened page; empty for a page that contains its scene."""
         return ()
 
     @property
@@ -269,7 +269,7 @@ class SceneServer:
             view.outbox.post(changes)
 
     def is_valid_token(self, token: bytes) -> bool:
-        """Return whether a token is the token of this start, in a time that does not depend on the token."""
+        """Return whether a token is that of this start; the time of the comparison does not depend on it."""
         return hmac.compare_digest(token, self._token.encode())
 
     def admit(self, connection: Any) -> None:
@@ -277,7 +277,7 @@ class SceneServer:
         self._http.admit(connection.stream)
 
     async def close(self) -> None:
-        """Stop listening and close all sockets, including the sockets of pages that do not respond."""
+        """Stop listening and close all sockets, also those of pages that do not respond."""
         self._http.stop()
         open_pages = list(self.sockets)
         for page in open_pages:
@@ -304,7 +304,7 @@ class PageHandler(GuardedHandler):
 class SceneSocket(GuardedSocket):
     """Web socket that sends the scene to a page.
 
-    The page acknowledges each batch after drawing it; only then the next batch is sent. Otherwise the network
+    The page acknowledges each batch after it has drawn it; then the next batch is sent. Otherwise the network
     would buffer seconds of frames for a page that draws slowly.
     """
 
@@ -315,7 +315,7 @@ class SceneSocket(GuardedSocket):
         self.outbox.post(self.server.scene())
 
     def on_message(self, message: str | bytes) -> None:
-        """Treat any message as the acknowledgement that the page has drawn the batch."""
+        """Store that the page has drawn the batch; every message is this acknowledgement."""
         self._drawn.set()
 
     def on_close(self) -> None:

@@ -124,13 +124,13 @@ def compute_normals(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh, in which a vertex on an
     edge is repeated for each side of the edge.
     """
-    _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
-    place = place.reshape(-1)[faces]
+    _, vertex = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1)[faces]
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros((int(place.max()) + 1, 3))
-    np.add.at(total, place, flat[:, None, :])
-    smooth, unit = _unit(total)[place], _unit(flat)
+    total = np.zeros((int(vertex.max()) + 1, 3))
+    np.add.at(total, vertex, flat[:, None, :])
+    smooth, unit = _unit(total)[vertex], _unit(flat)
     sharp = np.einsum("fij,fj->fi", smooth, unit) < _CREASE
     normals = np.where(sharp[:, :, None], unit[:, None, :], smooth)
     pairs = np.concatenate((corners, normals), axis=2).reshape(-1, 6)

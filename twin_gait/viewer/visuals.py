@@ -49,9 +49,9 @@ class LinkPart(NamedTuple):
 def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
     """Load the visual geometry of a URDF for a model that was built from it.
 
-    The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
-    are scaled with their segments. A visual that cannot be read, such as a missing mesh, is omitted with a
-    warning. Raises ModelError if the URDF cannot be read.
+    The model may have locked joints, joints between world and pelvis, and resized segments and feet, with
+    which their parts are scaled. A visual that cannot be read, such as a missing mesh, is omitted with a
+    warning. Raises ModelError if the URDF cannot be read, and ViewerError if none of its visuals can.
     """
     nominal, geometry = _nominal(model, urdf)
     guides = [name for name in ALL_GUIDES if model.existJointName(name)]
@@ -68,7 +68,7 @@ def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
 
 
 def _located_visuals(urdf: Path) -> ElementTree.Element:
-    """Read a URDF and write absolute paths into its meshes; missing meshes are omitted."""
+    """Read a URDF and write absolute paths into its meshes; missing meshes are omitted with a warning."""
     root = visual_document(urdf)
     defined: set[str] = set()
     for material in root.findall("material"):
@@ -80,7 +80,7 @@ def _located_visuals(urdf: Path) -> ElementTree.Element:
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             for material in visual.findall("material"):
-                # A material that has a texture and no colour would be black.
+                # Pinocchio would draw a material with a texture and without a colour in black.
                 if material.get("name") not in coloured:
                     visual.remove(material)
     _remove_unreadable(root, urdf, partial(_locate, urdf))
@@ -95,22 +95,22 @@ def _remove_unreadable(
         for visual in link.findall("visual"):
             problem = find_problem(visual)
             if problem:
-                warnings.warn(f"{urdf}: {problem}, and not drawn", UrdfWarning, stacklevel=2)
+                warnings.warn(f"{urdf}: {problem}; it is not drawn", UrdfWarning, stacklevel=2)
                 link.remove(visual)
 
 
 def _locate(urdf: Path, visual: ElementTree.Element) -> str:
-    """Write the absolute path of the mesh of a visual and its scale in [m], or return the problem."""
+    """Write the absolute path and the scale in [m] of the mesh of a visual, or return the problem."""
     mesh = visual.find("geometry/mesh")
     if mesh is None:
         return ""
     name = mesh.get("filename", "")
     found = _find_mesh(name, urdf.parent)
     if found is None:
-        return f"mesh {name} is not there"
+        return f"mesh {name} does not exist"
     with found.open("rb") as file:
         if file.read(len(GIT_LFS_POINTER)) == GIT_LFS_POINTER:
-            return f"mesh {name} is a Git LFS pointer (fetch it with: git lfs pull)"
+            return f"mesh {name} is a Git LFS pointer (get the file with: git lfs pull)"
     mesh.set("filename", str(found))
     unit = collada_unit(found) if found.suffix.lower() == ".dae" else 1.0
     if unit != 1.0:
@@ -189,12 +189,15 @@ def _find_mesh(name: str, folder: Path) -> Path | None:
     # A copy of a packaged URDF keeps its meshes without copying them.
     folders = (folder, *folder.resolve().parents, packaged_urdf(PACKAGED_URDFS[0]).parent)
     nearby = (base / part for base in folders for part in (relative, inside_package))
-    places = (stored_mesh(name, folder), Path(relative), *nearby)
-    return next((path.resolve() for path in places if path.is_file()), None)
+    candidates = (stored_mesh(name, folder), Path(relative), *nearby)
+    return next((path.resolve() for path in candidates if path.is_file()), None)
 
 
 def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel]:
-    """Build the model and the visuals of the file, without the joints that are missing in the given model."""
+    """Build the model and the visuals of a URDF with its own dimensions.
+
+    Joints that are missing in ``model`` are locked. Raises ViewerError if the visuals cannot be read.
+    """
     nominal, root = build_model(urdf), _located_visuals(urdf)
     geometry = _geometry(nominal, root)
     if geometry is None:
@@ -211,33 +214,33 @@ def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel
 def _link_scaling(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
     """Compute the scaling of the link of a joint from the file to the model, shape ``(4, 4)``.
 
-    A resized segment is scaled along the vector to the next joint, a last link in all directions by the
-    distance of its frames.
+    A link between two joints is scaled along the vector between them; the last link of a leg is scaled in all
+    directions by the distance of its frame from the joint.
     """
-    growth = np.eye(4)
+    scaling = np.eye(4)
     for child in range(1, nominal.njoints):
         name, old = nominal.names[child], np.asarray(nominal.jointPlacements[child].translation)
         if nominal.parents[child] == index and model.existJointName(name):
             change = np.asarray(model.jointPlacements[model.getJointId(name)].translation) - old
             if abs(old @ change) > 1e-9:
-                growth[:3, :3] += np.outer(change, change) / (old @ change)
-                return growth
+                scaling[:3, :3] += np.outer(change, change) / (old @ change)
+                return scaling
     for frame in nominal.frames:
         distance = float(np.linalg.norm(frame.placement.translation))
         if frame.parentJoint == index and distance > 0.0 and model.existFrame(frame.name):
             now = model.frames[model.getFrameId(frame.name)].placement.translation
-            growth[:3, :3] *= float(np.linalg.norm(now)) / distance
-            return growth
-    return growth
+            scaling[:3, :3] *= float(np.linalg.norm(now)) / distance
+            return scaling
+    return scaling
 
 
 def _split_by_colour(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
-    """Yield the pieces of a visual by colour: the colour of the URDF, or else those of the mesh file."""
+    """Yield the parts of a visual by colour: the colour in the URDF, or else those in the mesh file."""
     stated: Colour = tuple(float(value) for value in item.meshColor)
-    own = not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae")
-    patches = dae_patches(Path(item.meshPath)) if own else []
+    own_materials = not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae")
+    patches = dae_patches(Path(item.meshPath)) if own_materials else []
     counts = [triangles for _, triangles in patches]
-    if sum(counts) != len(shape.faces):  # there are no patches, or the reader counts triangles differently
+    if sum(counts) != len(shape.faces):  # there are no patches, or Pinocchio counts the triangles differently
         yield stated, shape
         return
     colours = [colour or stated for colour, _ in patches]
@@ -269,8 +272,9 @@ def _make_mesh(item: Any) -> Shape | None:
 def dae_patches(path: Path) -> list[Patch]:
     """Read the colours in a COLLADA 1.4 file in the order of its triangles.
 
-    Pinocchio's reader visits the nodes of the scene from the outside to the inside, and omits triangles with
-    two coincident corners. Returns the patches, or an empty list for a file that cannot be interpreted.
+    The order is that of Pinocchio's reader, which visits a node of the scene before the nodes in it. The
+    reader omits triangles with two coincident corners. Returns the patches, or an empty list for a file that
+    cannot be interpreted.
     """
     try:
         root = ElementTree.parse(path).getroot()
@@ -311,6 +315,6 @@ def _triangles(part: Any, named: Mapping[str, Any]) -> int:
     positions = named[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")
     points: np.ndarray = np.array((named[positions].findtext("float_array") or "").split(), dtype=float)
     index = np.array((part.findtext("p") or "").split(), dtype=int).reshape(-1, 3, stride)
-    places = points.reshape(-1, 3)[index[:, :, int(inputs["VERTEX"].get("offset", 0))]]
-    alike = np.all(places == np.roll(places, 1, axis=1), axis=2)
+    corner_points = points.reshape(-1, 3)[index[:, :, int(inputs["VERTEX"].get("offset", 0))]]
+    alike = np.all(corner_points == np.roll(corner_points, 1, axis=1), axis=2)
     return int(np.sum(~np.any(alike, axis=1)))

@@ -40,13 +40,8 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters.crutches import ArmParameters
 
 PLANTED, SWINGING, LOWERING, PLANTED_BEHIND = 0, 1, 2, 3
-SITTING, LEANING, RISING, REACHING_BACK, SITTING_DOWN = (
-    1.0,
-    2.0,
-    3.0,
-    4.0,
-    5.0,
-)  # perceived states of sitting on a chair
+# perceived states of sitting on a chair
+SITTING, LEANING, RISING, REACHING_BACK, SITTING_DOWN = 1.0, 2.0, 3.0, 4.0, 5.0
 
 
 @dataclass(slots=True)
@@ -97,7 +92,7 @@ class Perception:
 
     Attributes:
         lean: Perceived lean of the trunk in [rad].
-        lean_rate: Perceived rate of the lean in [rad] / [s].
+        lean_rate: Perceived rate of the lean in [rad/s].
         stepping: 1 while a leg swings.
         ticks_since_swing: Number of ticks since the last swing.
         chair_state: ``SITTING``, ``LEANING``, ``RISING``, ``REACHING_BACK``, ``SITTING_DOWN`` or 0.
@@ -221,8 +216,8 @@ def _push_on_front_crutch(policy: ArmPolicy, sense: Perception, arm: Arm, other:
     habit, weight = policy.arms, policy.weight
     push = 0.0 if other.phase == PLANTED_BEHIND else habit.axial_force * weight
     upright = habit.axial_force_per_lean * weight * (sense.lean - habit.lean)
-    wanted = push + upright + habit.axial_force_per_lean_rate * weight * sense.lean_rate
-    arm.grip.axial_force = clamp(wanted, 0.0, arm.push_limit)
+    target = push + upright + habit.axial_force_per_lean_rate * weight * sense.lean_rate
+    arm.grip.axial_force = clamp(target, 0.0, arm.push_limit)
     arm.grip.shoulder_moment = -habit.shoulder_moment
     _yield(policy, arm)
 
@@ -259,8 +254,8 @@ def _push_on_rear_crutch(policy: ArmPolicy, sense: Perception, arm: Arm) -> None
             -habit.chair_shoulder_moment,
         )
         share = blend_share(arm.phase_ticks / policy.chair_ticks, BLEND_MINIMUM_JERK)
-        wanted = habit.risen_length if sense.chair_state == RISING else habit.seated_length
-        grip.length = blend(arm.first_length, wanted * policy.max_length, share)
+        target = habit.risen_length if sense.chair_state == RISING else habit.seated_length
+        grip.length = blend(arm.first_length, target * policy.max_length, share)
     _yield_to_extension(policy, arm)
 
 

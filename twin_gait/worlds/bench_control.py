@@ -12,12 +12,12 @@ from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.vocabulary import JointName
 
 DUTIES = quantities.Range(0.0, 1.0, exclusive_minimum=True, words="above 0 and at most 1")
-GAINS = quantities.Range(0.0, 10.0, reason="a loop with ten times what it compensates is unstable")
+GAINS = quantities.Range(0.0, 10.0, reason="a loop that compensates ten times the effect is unstable")
 AMPLITUDES = quantities.Range(0.0, 2.0**24, reason="full duty of the finest timers")
 BRAKING = quantities.Range(0.0, 1e3, reason="the largest torque at 1 rad/s")
 TRANSPARENCY_STEPS = 1000.0  # steps of the sine in a second, which are the ticks of the firmware
-# ω_min of (2.1) in [rad] / [s], which the thesis does not print: the velocity at which A = 140 to 195 counts
-# just break the joint away. A count is 0.099 N m on the knee at rest and 0.064 N m on the hip; the two values
+# ω_min of (2.1) in [rad/s], which the thesis does not print: the velocity at which A = 140 to 195 counts
+# just break the joint away. A count is 0.099 N·m on the knee at rest and 0.064 N·m on the hip; the two values
 # have the same ratio.
 LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: 0.11, JointName.HIP: 0.07}
 _LOWEST = LOWEST_VELOCITIES[JointName.KNEE]
@@ -30,16 +30,16 @@ class DutyControl(quantities.Parameters):
     K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
     the falls agree with its appendix B: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
     and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 compensates the difference between 3 kg
-    and 1 kg: 55 counts are 5.4 N m at the knee, the weights 5.9 N m.
+    and 1 kg: 55 counts are 5.4 N·m at the knee, the weights 5.9 N·m.
 
     Attributes:
         amplitude: Amplitude A of the breakaway sine in counts.
         frequency: Frequency f of the breakaway sine in [Hz].
         transparency_gain: Gain K.
-        lowest_velocity: Velocity ω_min in [rad] / [s], below which the breakaway sine acts.
+        lowest_velocity: Velocity ω_min in [rad/s], below which the breakaway sine acts.
         static_voltage: Voltage p0 in [V].
         back_emf_share: Coefficient p1 divided by the back-EMF constant at the joint.
-        braking_torque: Coefficient p2 as torque on the motor at rest, in [N m s²] / [rad²].
+        braking_torque: Coefficient p2 as torque on the motor at rest, in [N·m·s²/rad²].
         duty_limit: Limit of the duty as a share of full duty.
     """
 
@@ -72,7 +72,7 @@ def viscous_duty(
         d = \frac{PWM}{V_{bus}} \left\{p_0\,\mathrm{sgn}\,\omega
             + K\,[p_1\,\omega - p_2\,\mathrm{sgn}(\omega)\,\omega^2]\right\}
 
-    ``counts``: PWM, the counts of full duty; p1 in [V s] / [rad] and p2 in [V s²] / [rad²] follow from the
+    ``counts``: PWM, the counts of full duty; p1 in [V·s/rad] and p2 in [V·s²/rad²] follow from the
     parameters of the motor.
     """
     torque_per_current = motor.torque_constant * motor.gear_ratio
@@ -99,9 +99,9 @@ class OldFrictionModel(quantities.Parameters):
     """TWIN's old friction model, equation (2.5) of the thesis.
 
     Attributes:
-        coulomb: Torque T_c in [N m], F_s in the thesis; an assumption, b of table 3.1 for the knee.
-        viscous: Coefficient d (F_v in the thesis) in [N m s] / [rad]; an assumption, from the same table.
-        steepness: Steepness κ in [s] / [rad]; 40 in the thesis.
+        coulomb: Torque T_c in [N·m], F_s in the thesis; an assumption, b of table 3.1 for the knee.
+        viscous: Coefficient d (F_v in the thesis) in [N·m·s/rad]; an assumption, from the same table.
+        steepness: Steepness κ in [s/rad]; 40 in the thesis.
     """
 
     coulomb: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 3.193
@@ -127,7 +127,7 @@ class CosinePath(quantities.Parameters):
 def cosine_path(path: CosinePath, time: float) -> tuple[float, float, float]:
     r"""Compute the path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)`, its velocity and acceleration.
 
-    Returns angle in [rad], velocity in [rad] / [s] and acceleration in [rad] / [s²] at a time in [s].
+    Returns angle in [rad], velocity in [rad/s] and acceleration in [rad/s²] at a time in [s].
     """
     pulsation, half = 2.0 * math.pi * path.frequency, 0.5 * path.amplitude
     fastest = half * pulsation
@@ -149,11 +149,11 @@ class TorqueControl(quantities.Parameters):
         friction_compensation_gain: Gain G of the friction compensation.
         follows_path: Whether friction is compensated at the velocity of the path, so that nothing is fed
             back; otherwise at the slow velocity estimate, equation (2.16).
-        dead_zone: Speed in [rad] / [s] below which friction is not compensated; it is subtracted from the
+        dead_zone: Speed in [rad/s] below which friction is not compensated; it is subtracted from the
             speeds above it.
-        target_torque: Target torque in [N m].
-        stiffness: Stiffness k in [N m] / [rad].
-        damping: Damping b in [N m s] / [rad].
+        target_torque: Target torque in [N·m].
+        stiffness: Stiffness k in [N·m/rad].
+        damping: Damping b in [N·m·s/rad].
         equilibrium_angle: Equilibrium angle θ0 in [rad].
         inertia_compensation: Share of the known inertia times the measured acceleration that is added.
         path: Path of the equilibrium angle with the torque that its acceleration needs, or None.

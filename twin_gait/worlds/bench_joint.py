@@ -29,19 +29,21 @@ from twin_gait.worlds.bench_leg import ImposedMotionParameters
 HORIZONTAL = math.pi / 2.0  # [rad], angle at which the fall begins (thesis 2.3.1)
 STOP_ANGLE = math.radians(125.0)  # angle at which the fall ends (thesis, appendix B)
 LOWER_STOP = math.radians(-4.0)  # angle of the lower stop (thesis 2.4)
-TEMPERATURES = quantities.Range(-40.0, 100.0, reason="what greases of such gears bear")
-INDUCTANCES = quantities.Range(0.0, 0.1, exclusive_minimum=True, reason="a hundred times that of the motors")
+TEMPERATURES = quantities.Range(-40.0, 100.0, reason="temperatures that greases of such gears tolerate")
+INDUCTANCES = quantities.Range(
+    0.0, 0.1, exclusive_minimum=True, reason="a hundred times the inductance of the motors"
+)
 BANDWIDTHS = quantities.Range(
     0.0, 2e5, exclusive_minimum=True, reason="the rate of the fastest loops, in rad/s"
 )
 RIPPLES = quantities.Range(0.0, 1.0, reason="a share of the current")
 DUTY_COUNTS = quantities.integer_range(0, 2**24, "the finest timers")
-POLE_PAIRS = quantities.integer_range(1, 100, "eight times those of the motors")
+POLE_PAIRS = quantities.integer_range(1, 100, "eight times the pole pairs of the motors")
 BENCH_STOPS = quantities.Range(-1e3, 1e3, reason="160 turns; no test turns farther")
 MOMENT = quantities.QuantityUnits("kgm", quantities.symmetric_range(100.0, "50 kg at 2 m"))
 CATALOGUE = quantities.Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
 
-_PER_KELVIN = quantities.symmetric_range(10.0, "the whole friction of a joint in a kelvin")
+_PER_KELVIN = quantities.symmetric_range(10.0, "a change by the whole friction of a joint in a kelvin")
 
 
 class LoadAngle(StrEnum):
@@ -60,10 +62,10 @@ class BenchFriction(quantities.Parameters):
     Attributes:
         law: Equation (3.1), or a law with directions or bristles.
         coulomb_per_load: Coulomb friction per load torque, no unit.
-        coulomb_per_kelvin: Change of the Coulomb friction in [N m] / [K] from 25 °C.
-        viscous_per_kelvin: Change of the viscous friction in [N m s] / [rad K] from 25 °C.
+        coulomb_per_kelvin: Change of the Coulomb friction in [N·m/K] from 25 °C.
+        viscous_per_kelvin: Change of the viscous friction in [N·m·s/(rad·K)] from 25 °C.
         temperature: Temperature in [°C].
-        ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
+        ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N·m].
     """
 
     law: FrictionLaw
@@ -81,8 +83,8 @@ class LinkParameters(quantities.Parameters):
     Attributes:
         mass: Mass of the weight in [kg].
         lever: Lever b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
-        inertia: Inertia of the link about the axis in [kg m²]; an assumption.
-        moment: Mass of the link times the distance of its centre in [kg m].
+        inertia: Inertia of the link about the axis in [kg·m²]; an assumption.
+        moment: Mass of the link times the distance of its centre in [kg·m].
         load_angle: Form of the load torque.
         stops: Stops of the bench: the link hits its base, some 2e6 N/m at 0.3 m (an assumption).
         lower_stop: Angle of the lower stop in [rad].
@@ -105,12 +107,12 @@ class LinkParameters(quantities.Parameters):
 
     @property
     def total_inertia(self) -> float:
-        """Inertia of link and weight about the axis, with m b² and not the thesis's m b, in [kg m²]."""
+        """Inertia of link and weight about the axis, with m b² and not the thesis's m b, in [kg·m²]."""
         return self.inertia + self.mass * self.lever * self.lever
 
     @property
     def total_moment(self) -> float:
-        """First moment of weight and link in [kg m]."""
+        """First moment of weight and link in [kg·m]."""
         return self.moment + self.mass * self.lever
 
 
@@ -127,7 +129,7 @@ class InertialUnit(quantities.Parameters):
 
     Attributes:
         sensor: Quantity that it measures.
-        noise: Standard deviation of a sample in [rad] / [s] or [m] / [s²]; white.
+        noise: Standard deviation of a sample in [rad/s] or [m/s²]; white.
         delay: Ticks between a sample and its use; 2 for a bus of 500 Hz (thesis 2.1.2).
         lever: Distance from the axis to the unit in [m].
         time_constant: Time constant of the first-order filter after it in [s].
@@ -158,7 +160,7 @@ class DriveParameters(quantities.Parameters):
             loop.
         counts: Counts of full duty: 120 MHz of the controller over 20 kHz (computed). 0 for no steps.
         loop: Ideal or PI.
-        bandwidth: Bandwidth of the PI loop in [rad] / [s]; an assumption, a fortieth of the loop's rate.
+        bandwidth: Bandwidth of the PI loop in [rad/s]; an assumption, a fortieth of the loop's rate.
         noise: Standard deviation of a current sample in [A]; chosen so that the RMSE of target and measured
             current is near the thesis's 0.0113 A (calibrated, not predicted).
         ripple: Relative first harmonic of the commutation. A sine of back-EMF over 60° varies by 13.4 % from
@@ -194,7 +196,7 @@ class CatalogueEfficiency(quantities.Parameters):
         temperature: Temperature of the grease in [°C].
         coefficients: Coefficients of the polynomial, see
             :func:`twin_gait.core.motor_drive.drive_efficiency`.
-        transition_velocity: Transition velocity of the loss at a reversal, in [rad] / [s]; an assumption.
+        transition_velocity: Transition velocity of the loss at a reversal, in [rad/s]; an assumption.
     """
 
     temperature: Annotated[float, quantities.QuantityUnits("degC"), CATALOGUE] = 25.0
@@ -209,8 +211,8 @@ class Torsion(quantities.Parameters):
     """Compliance of the flexspline between motor and link.
 
     Attributes:
-        stiffness: Stiffness in [N m] / [rad]; 3.1e4 is CSF-25 at low torque (from memory, medium confidence).
-        damping: Damping in [N m s] / [rad]; an assumption, about 3 % of critical for the default link.
+        stiffness: Stiffness in [N·m/rad]; 3.1e4 is CSF-25 at low torque (from memory, medium confidence).
+        damping: Damping in [N·m·s/rad]; an assumption, about 3 % of critical for the default link.
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE] = 3.1e4
@@ -249,8 +251,8 @@ class BenchJoint(quantities.Parameters):
         limits: Limits of torque and current.
         imposed_motion: Imposed motion of the link, or None.
         start_angle: Angle at the start in [rad].
-        start_velocity: Velocity at the start in [rad] / [s].
-        gravity: Gravitational acceleration in [m] / [s²].
+        start_velocity: Velocity at the start in [rad/s].
+        gravity: Gravitational acceleration in [m/s²].
         duration: Duration of the test in [s].
         rest_at_stop: Time in [s] from reaching the upper stop to the end of the test; infinite for a test
             that does not end there.
@@ -277,9 +279,11 @@ class BenchJoint(quantities.Parameters):
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
-        require(not self.sensors.offset, "sensors offset", "none on the joint bench", self.sensors.offset)
+        expected = "no offset on the joint bench"
+        require(not self.sensors.offset, "sensors offset", expected, self.sensors.offset)
         counted = self.drive.counts > 0 or not isinstance(self.control, DutyControl)
-        require(counted, "drive counts", "1 or more for a controller of duties", self.drive.counts)
+        expected = "1 or more, because the controller computes a duty"
+        require(counted, "drive counts", expected, self.drive.counts)
 
 
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:

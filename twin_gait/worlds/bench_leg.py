@@ -23,8 +23,8 @@ class ImposedMotionParameters(quantities.Parameters):
         joint: Joint that is moved.
         amplitude: Peak-to-peak amplitude of the path in [rad].
         frequency: Frequency of the path in [Hz].
-        stiffness: Stiffness of the grip in [N m] / [rad].
-        damping: Damping of the grip in [N m s] / [rad].
+        stiffness: Stiffness of the grip in [N·m/rad].
+        damping: Damping of the grip in [N·m·s/rad].
         release_time: Time at which the grip is released in [s]; infinite for a motion that is imposed to the
             end.
     """
@@ -68,9 +68,9 @@ class BenchLeg(Scenario):
         q = start_posture(model, {side: self.start_angles}, ankle_rest)
         imposed_motion = None
         if self.imposed_motion is not None:
-            place = model.index(side, self.imposed_motion.joint)
+            index = model.index(side, self.imposed_motion.joint)
             imposed_motion = quantities.from_attributes(
-                ImposedMotion, self.imposed_motion, index=place, start_angle=float(q[place])
+                ImposedMotion, self.imposed_motion, index=index, start_angle=float(q[index])
             )
         return World(
             model=model,

@@ -88,8 +88,8 @@ def _linear(world: World, q: np.ndarray) -> np.ndarray:
     n = len(world.plant)
     inertia, masses = np.zeros((n, n)), [chain.mass_matrix(q) for chain in world.chains]
     for number, mass in enumerate(masses):
-        own = slice(number * len(mass), (number + 1) * len(mass))
-        inertia[own, own] = mass
+        block = slice(number * len(mass), (number + 1) * len(mass))
+        inertia[block, block] = mass
     stiffness = np.diag([plant.spring.stiffness + plant.friction.bristle_stiffness for plant in world.plant])
     damping = np.diag([_damping(plant) for plant in world.plant])
     if world.braces is not None:
@@ -101,6 +101,6 @@ def _linear(world: World, q: np.ndarray) -> np.ndarray:
 
 
 def _damping(plant: Plant) -> float:
-    """Add up the damping of spring, gear and bristles that stick, in [N m s] / [rad]."""
+    """Add up the damping of spring, gear and bristles that stick, in [N·m·s/rad]."""
     friction = plant.friction
     return plant.spring.damping + friction.viscous_friction_forward + friction.bristle_damping

@@ -71,24 +71,22 @@ class Fault:
 
     kind: FaultKind  # Kind of the fault.
     time: float  # Time at which it begins, in [s].
-    location: str = (
-        ""  # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
-    )
-    # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], according
-    # to
-    # the kind; None means the default of the kind.
+    # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
+    location: str = ""
+    # Angle in [rad], rate in [rad/s], torque in [N·m], rate in [N·m/s] or voltage in [V], according
+    # to the kind; None means the default of the kind.
     magnitude: float | None = None
 
     def __post_init__(self) -> None:
         """Check that kind, place and magnitude fit together."""
         NOT_NEGATIVE.require("time", self.time)
-        self._require_place("place", Side, JointName)
+        self._require_location("place", Side, JointName)
         units = self.kind.units
         if self.magnitude is not None:
             fits = bool(units) and abs(self.magnitude) <= _LARGEST.get(self.kind, math.inf)
             expected = "no magnitude"
             if units:
-                most = f"{_LARGEST[self.kind]:g} {next(iter(units))} at most, either way"
+                most = f"{_LARGEST[self.kind]:g} {next(iter(units))} at most, with either sign"
                 expected = f"a number in {' or '.join(units)}, {most}"
             require(fits, f"magnitude of {self.kind}", expected, self.magnitude)
 
@@ -116,17 +114,17 @@ class Fault:
         ``joints``: joints that are controlled. ``feet``: whether the feet have load sensors. ``duration``:
         duration of the run in [s]. Raises ParameterError otherwise.
         """
-        self._require_place(f"fault {self}", sides, joints)
+        self._require_location(f"fault {self}", sides, joints)
         sensed = feet or self.kind is not FaultKind.FOOT_LOAD_STUCK
         require(sensed, "fault", "feet with load sensors", str(self))
         require(
             self.time < duration, "fault", f"a time before the end of the run at {duration:g} s", str(self)
         )
 
-    def _require_place(self, name: str, sides: Iterable[Side], joints: Iterable[JointName]) -> None:
-        places = dict.fromkeys(self.kind.location(side, joint) for joint in joints for side in sides)
-        words = " or ".join(places) or "no place, as in supply_dip@4.2s"
-        require(self.location in places, name, words, self.location)
+    def _require_location(self, name: str, sides: Iterable[Side], joints: Iterable[JointName]) -> None:
+        locations = dict.fromkeys(self.kind.location(side, joint) for joint in joints for side in sides)
+        words = " or ".join(locations) or "no location, as in supply_dip@4.2s"
+        require(self.location in locations, name, words, self.location)
 
     def __str__(self) -> str:
         """Return the fault in its notation; parsing it gives an equal fault."""
@@ -135,9 +133,9 @@ class Fault:
     @property
     def untimed_notation(self) -> str:
         """Notation of the fault without the time, as in the text of an event."""
-        place = f":{self.location}" if self.location else ""
+        location = f":{self.location}" if self.location else ""
         size = "" if self.magnitude is None else f"={self.magnitude!r}{next(iter(self.kind.units))}"
-        return f"{self.kind}{place}{size}"
+        return f"{self.kind}{location}{size}"
 
 
 def insert_time(text: str, time: float) -> str:
@@ -150,8 +148,7 @@ def parse_fault(text: str) -> Fault:
     """Parse the notation of a fault.
 
     The notation is ``KIND:SIDE_JOINT@TIMEs``, with ``=`` and a magnitude with its unit where the kind has
-    one:
-    ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
+    one: ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
     ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``.
 
     Raises ParameterError if it cannot be read.
@@ -161,11 +158,11 @@ def parse_fault(text: str) -> Fault:
         shape = "KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
         raise ParameterError(f"fault {text!r}: expected {shape}")
     try:
-        name, place, time, size, unit = match.groups()
+        name, location, time, size, unit = match.groups()
         require(name in list(FaultKind), "kind", ", ".join(FaultKind), name)
         kind = FaultKind(name)
         require(unit is None or unit in kind.units, "unit", " or ".join(kind.units) or "no magnitude", unit)
         magnitude = None if size is None else float(size) * kind.units[unit]
-        return Fault(kind=kind, time=float(time), location=place or "", magnitude=magnitude)
+        return Fault(kind=kind, time=float(time), location=location or "", magnitude=magnitude)
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error

@@ -35,10 +35,10 @@ class HarnessParameters(quantities.Parameters):
     Attributes:
         share: Share of the weight of wearer and device that the harness carries.
         height: Height of its attachment above the hips, along the trunk, divided by the height of the wearer.
-        damping: Damping of the winch in [N s] / [m].
-        lock_stiffness: Stiffness in [N] / [m] of the rope after a trip has locked it; 0 for a rope that does
+        damping: Damping of the winch in [N·s/m].
+        lock_stiffness: Stiffness in [N/m] of the rope after a trip has locked it; 0 for a rope that does
             not lock.
-        lock_dissipation: Dissipation of the locked rope in [s] / [m] (an assumption).
+        lock_dissipation: Dissipation of the locked rope in [s/m] (an assumption).
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
@@ -53,7 +53,7 @@ class Overground(SplitStance):
     """Level floor, trunk that may lean, and two crutches.
 
     Attributes:
-        speed: Walking speed in [m] / [s] for which the gait table is scaled.
+        speed: Walking speed in [m/s] for which the gait table is scaled.
         crutches: Crutches and the limits of the arms; None for hands that hold nothing.
         arms: Use of the crutches.
         harness: Harness on a rail overhead.
@@ -121,7 +121,7 @@ class Overground(SplitStance):
         tall = 0.0 if model.patient is None else model.patient.height
         seat = None if self.chair is None else new_seat(model, self.chair)
         if self.start == "sitting":
-            quantities.require(seat is not None, "start", "standing, or a chair to sit on", self.start)
+            quantities.require(seat is not None, "start", "standing, or a section chair", self.start)
             assert seat is not None
             still = replace(seat)  # a copy, because the sums of a seat change
             q = SeatedBalance(
@@ -142,7 +142,8 @@ class Overground(SplitStance):
     def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:
         """Return a world in which the wearer has planted both crutches."""
         patient, pelvis = world.model.patient, world.model.pelvis_index
-        quantities.require(patient is not None, "crutches", "a patient who holds them", "none")
+        expected = "a section patient, because a person holds the crutches"
+        quantities.require(patient is not None, "crutches", expected, "none")
         assert patient is not None and world.trunk is not None and pelvis is not None
         longest, delay = crutches.length * patient.height, round(self.arms.delay / TICK)
         policy = new_policy(self.arms, world.body_weight, longest)

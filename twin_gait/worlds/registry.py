@@ -43,7 +43,8 @@ def find_world(kind: str) -> type[Scenario]:
     brought = tuple(entry_points(group=GROUP, name=kind))
     if not brought:
         raise ParameterError(
-            f"no world {kind!r}; there are {', '.join(world_kinds())}: install the package that has it"
+            f"there is no world {kind!r}; expected one of {', '.join(world_kinds())}; another one needs the "
+            "package that has it"
         )
     world = load_plugin(brought[0])
     if not _is_world(world) or getattr(world, "kind", None) != kind:
@@ -67,15 +68,15 @@ def build_world(scenario: Scenario, model: LegModel, **surroundings: Any) -> Wor
             raise
         line = traceback.extract_tb(error.__traceback__)[-1]
         problem = f"{type(error).__name__}: {error}, {line.filename}, line {line.lineno}"
-        raise ParameterError(f"{name} cannot be built ({problem}); repair its package") from error
+        raise ParameterError(f"{name} cannot be built ({problem}); correct its package") from error
     if not isinstance(world, World):
         raise ParameterError(f"{name}: build: expected a World, got {world!r}")
     shapes = [getattr(start, "shape", None) for start in (world.start_q, world.start_v)]
-    sides, own = [str(side) for side in world.initial_phases], [str(side) for side in model.sides]
+    sides, leg_sides = [str(side) for side in world.initial_phases], [str(side) for side in model.sides]
     fit = shapes == 2 * [(len(world.plant),)] and len(world.plant) >= model.nv
     lengths = f"start_q, start_v and plant of one length, {model.nv} or more"
     require(fit, f"{name}: build", f"arrays {lengths}", (*shapes, len(world.plant)))
-    require({*sides} == {*own}, f"{name}: initial_phases", ", ".join(own), ", ".join(sides))
+    require({*sides} == {*leg_sides}, f"{name}: initial_phases", ", ".join(leg_sides), ", ".join(sides))
     return world
 
 

@@ -24,7 +24,7 @@ from twin_gait.worlds.world import Posture, Scenario, World
 
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
-# Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N m].
+# Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N·m].
 MOST_ROUNDS, LARGEST_STEP, DIFFERENCE, BALANCED = 60, 0.02, 1e-7, 1e-6
 
 
@@ -191,7 +191,7 @@ class SeatedBalance:
                 break  # the seat is not under the wearer, or carries nothing
             found = found - np.clip(np.linalg.solve(rates, left), -LARGEST_STEP, LARGEST_STEP)
         balanced = np.abs(left).max() < 1e-3
-        require(balanced, "scenario.chair", "a seat under the wearer on which they balance", "none")
+        require(balanced, "scenario.chair", "a seat on which the wearer is in balance", "none")
         q = self._coordinates(found)
         for joint in JointName:
             low, high = self.model.position_limits(self.model.sides[0], joint)
@@ -208,7 +208,8 @@ class SeatedBalance:
         height = self.seat.height + self.seat.buttocks.thickness
         rise = height - (knee - ankle) * math.cos(self.shank) - (ankle - sole)
         reaches = abs(rise) < hip - knee
-        require(reaches, "scenario.chair.height", "a seat from which feet are on the floor", self.seat.height)
+        expected = "a height at which the feet are on the floor"
+        require(reaches, "scenario.chair.height", expected, self.seat.height)
         return np.array([height - 0.01, math.acos(rise / (hip - knee)), self.shank])
 
     def _coordinates(self, found: np.ndarray) -> np.ndarray:
@@ -222,7 +223,7 @@ class SeatedBalance:
         return q
 
     def _imbalance(self, found: np.ndarray) -> np.ndarray:
-        """Compute the remaining upward force in [N], moment about the hips and ankle torque in [N m]."""
+        """Compute the remaining upward force in [N], moment about the hips and ankle torque in [N·m]."""
         model, seat, q = self.model, self.seat, self._coordinates(found)
         ankle = model.index(model.sides[0], JointName.ANKLE)
         spring = self.plant[ankle].spring

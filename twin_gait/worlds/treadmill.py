@@ -37,7 +37,7 @@ class Treadmill(SplitStance):
     take up the horizontal force and the pitching moment, which the log contains.
 
     Attributes:
-        belt_speed: Speed of the belt in [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
+        belt_speed: Speed of the belt in [m/s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
         belt: Profile by which the belt starts and stops, and of the walk command; None for a belt that runs
             evenly under legs that always walk.
         stop_ramp: Time in [s] in which a trip of the monitor or the operator's Stop brings the belt to rest
@@ -112,7 +112,7 @@ class Treadmill(SplitStance):
                 minimum=BELT_RANGE[0] * speed,
                 maximum=BELT_RANGE[1] * speed,
                 step=0.05,
-                help="The table's hip angles follow it by the table's own law.",
+                help="The hip angles of the gait table are scaled with it by a law in the table.",
             ),
             Adjustment.create_support(self.support.share, "support.share", "ropes carry"),
         )

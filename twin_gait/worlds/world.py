@@ -1,7 +1,8 @@
 """Common interface of all worlds.
 
-For the engines a world is a model, the forces on it, and its initial state; for the rest of the program,
-which contains no name of a particular world, it is the interface of its parameters.
+The engines read a :class:`World`: a model, the forces on it and its initial state. All other parts of the
+program read the parameters of a world through the interface :class:`Scenario`, so that none of them depends
+on a particular world.
 """
 
 import math
@@ -50,7 +51,7 @@ class LegSource(Parameters):
     up_axis: Literal["y", "z"] = "z"
 
     def __post_init__(self) -> None:
-        """Check that there is a leg."""
+        """Check that there is at least one leg."""
         super().__post_init__()
         require(bool(self.legs), "legs", "the joint names of left, right or both legs", "none")
 
@@ -60,9 +61,9 @@ class BracedModels:
     """Device and wearer as separate models, each with all coordinates, and the braces between them.
 
     Attributes:
-        device: Links and rotors of the device.
-        wearer: Segments of the wearer.
-        braces: Braces between each coordinate of the two.
+        device: Model of links and rotors of the device.
+        wearer: Model of the wearer's segments.
+        braces: Brace between the two coordinates of each joint, in the order of the coordinates.
     """
 
     device: LegModel
@@ -72,32 +73,33 @@ class BracedModels:
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """Leg model in its surroundings, ready to be integrated.
+    """Leg model in its surroundings, with all data that an engine needs to integrate it.
 
-    With braces the coordinates are those of the device, then those of the wearer: n is twice ``nv``.
+    The number n of coordinates is ``nv`` of the model. With braces it is twice ``nv``: the coordinates of the
+    device are followed by those of the wearer.
 
     Attributes:
         model: Model of the legs; with braces, of device and wearer as one body.
         plant: Friction, stops, springs and forces on each of the n coordinates.
         belt: Speed profile of the treadmill; a belt at rest on the bench.
         contact: Contact parameters, or None without ground.
-        slope: Slope by which the ground rises forwards, about the origin, in [rad].
+        slope: Angle by which the ground rises forwards, about the origin, in [rad].
         start_q: Coordinates at time 0, shape ``(n,)``.
         start_v: Velocities at time 0, shape ``(n,)``.
         initial_phases: Phase of each leg at time 0.
         support_force: Constant upward force on the pelvis in [N].
-        lock_stiffness: Stiffness in [N] / [m] of the harness that locks at a trip; 0 for none.
-        lock_dissipation: Dissipation of this harness in [s] / [m].
-        body_weight: Weight of the wearer and device in [N].
+        lock_stiffness: Stiffness in [N/m] of the harness after a trip has locked it; 0 without a harness.
+        lock_dissipation: Dissipation of the locked harness in [s/m].
+        body_weight: Weight of wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen.
         imposed_motion: Imposed motion of a joint of the device, or None.
         contact_frames: Frames of each leg that touch the ground.
         braces: Braces between wearer and device, or None if they are one body.
         trunk: Trunk of a wearer whose pelvis is free, or None.
         arms: Arms that hold a crutch, by side; the coordinates of their tips follow all others.
-        policy: Use of the crutches by the wearer, or None.
-        perception: Perception of the wearer, or None.
-        fall_pitch: Pitch of the trunk, beyond which the wearer has fallen, in [rad].
+        policy: Law by which the wearer uses the crutches, or None.
+        perception: State of the wearer's delayed perception at time 0, or None.
+        fall_pitch: Pitch of the trunk in [rad], beyond which the wearer has fallen.
         max_reach: Longest reach of arm and crutch in [m].
         seat: Seat of a chair, or None.
     """
@@ -128,11 +130,14 @@ class World:
 
     @property
     def chains(self) -> tuple[LegModel, ...]:
-        """Models whose coordinates follow one another; feet and support belong to the last one."""
+        """Models in the order of their coordinates; feet and body-weight support belong to the last one."""
         return (self.model,) if self.braces is None else (self.braces.device, self.braces.wearer)
 
     def ground(self) -> Ground:
-        """Return the ground under the feet with an even belt; without ground it never gives a force."""
+        """Return the ground under the feet, with the belt at its cruise speed.
+
+        Without contact parameters, the force of the ground is always zero.
+        """
         if self.contact is None:
             return Ground()
         sine, cosine = sine_cosine(self.slope)
@@ -142,18 +147,18 @@ class World:
 
     @property
     def wearer_offset(self) -> int:
-        """Offset from a coordinate of the device to that of the wearer; 0 if they are one body."""
+        """Offset from a coordinate of the device to the same one of the wearer; 0 if they are one body."""
         return 0 if self.braces is None else self.model.nv
 
 
 def start_posture(
     model: LegModel, postures: Mapping[Side, Mapping[JointName, float]], ankle_rest: float
 ) -> np.ndarray:
-    """Return coordinates with each leg in a posture and the pelvis at 0.
+    """Compute coordinates with each leg in a posture and the pelvis at 0.
 
     Args:
         model: Model of the legs.
-        postures: Angles in [rad].
+        postures: Angles in [rad] of each leg by joint.
         ankle_rest: Angle in [rad] of an ankle that a posture does not contain.
 
     Returns:
@@ -172,22 +177,22 @@ Posture = Annotated[Mapping[JointName, Angle], UnitInKeys()]  # angles of the jo
 
 
 def posture_field(hip: float, knee: float) -> Any:
-    """Declare a field of a world that has angles of hip and knee in [deg] as default."""
+    """Declare a field for a posture of a leg, with angles of hip and knee in [deg] as default."""
     angles = {JointName.HIP: math.radians(hip), JointName.KNEE: math.radians(knee)}
     return field(default_factory=angles.copy)
 
 
-# Names of adjustments that tuning and comparing request from a world.
+# Names of the adjustments that tuning and comparison change.
 BELT_SPEED, SUPPORT_SHARE = "belt_speed", "support_share"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walking:
-    """Parameters of walking on ground, for a world that has ground."""
+    """Parameters of walking, in a world that has ground."""
 
-    speed: float  # Speed over the ground in [m] / [s].
+    speed: float  # Speed over the ground in [m/s].
     support_share: float = 0.0  # Share of the weight of wearer and device that ropes carry.
-    slope: float = 0.0  # Slope by which the ground rises forwards in [rad].
+    slope: float = 0.0  # Angle by which the ground rises forwards in [rad].
     contact: ContactParameters = field(default_factory=ContactParameters)  # Contact of heels and toes.
     # Speed profile of the ground; a belt at rest for ground that does not move.
     belt: Belt = field(default_factory=Belt)
@@ -199,17 +204,16 @@ class Walking:
 
 
 class Adjustment(NamedTuple):
-    """Number of a world that others may set: a live session, a search for a table, a run on another day.
+    """Number of a world that a live session, a tuning or a comparison may change.
 
-    During a walk, the changes that follow from belt speed, support force and scaled gait table can be
-    applied.
+    During a walk, a change can have an effect only through belt speed, support force and scaled gait table.
     """
 
     name: str  # Name of the control in a live session.
     value: float  # Present value in SI.
     path: str  # Path of the number in the world, such as ``support.share``.
     label: str  # Label of the control in words.
-    minimum: float  # Least value, in ``unit``.
+    minimum: float  # Smallest value, in ``unit``.
     maximum: float  # Largest value, in ``unit``.
     step: float  # Step of the control, in ``unit``.
     help: str  # Explanation in one sentence.
@@ -218,7 +222,11 @@ class Adjustment(NamedTuple):
 
     @classmethod
     def create_support(cls, share: float, path: str, ropes: str) -> Self:
-        """Return the adjustment of the share of the weight that is supported, at a path in a world."""
+        """Create the adjustment of the body-weight support.
+
+        ``share``: present share; ``path``: its path in the world; ``ropes``: the end of the help, such as
+        "ropes carry".
+        """
         return cls(
             name=SUPPORT_SHARE,
             value=share,
@@ -233,16 +241,16 @@ class Adjustment(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario(Parameters, ABC):
-    """World with its parameters: the abstract base class of all worlds.
+    """Parameters of a world: the abstract base class of all worlds.
 
-    A new world is a frozen dataclass of its own in a module of this package, or in another package under the
-    entry point ``twin_gait.worlds``. The defaults of its attributes are those of legs in the air: no ground,
-    no adjustments, a walk command at all times.
+    A new world is a frozen dataclass in a module of this package, or in another package under the entry point
+    ``twin_gait.worlds``. The defaults of the attributes describe legs in the air: no ground, no adjustments,
+    a walk command at all times.
 
     Attributes:
         kind: Name of the world in files.
         step: Default step of the compiled engine in [s].
-        surroundings: Surroundings that are drawn around the figure.
+        surroundings: Surroundings that the viewer draws around the figure.
     """
 
     step: ClassVar[float] = 1e-3
@@ -255,24 +263,24 @@ class Scenario(Parameters, ABC):
 
     @abstractmethod
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
-        """Place a model in the world.
+        """Build the world around a model of the legs.
 
         Args:
-            model: The legs, with a pelvis that is guided as in this world.
-            plant: Friction, stops and ankle springs of every coordinate; further forces may be added.
+            model: Model of the legs, with the guide of the pelvis of this world.
+            plant: Friction, stops and ankle springs of every coordinate, to which the world may add forces.
             ankle_rest: Angle in [rad] at which the orthosis gives no torque.
-            gravity: Gravitational acceleration in [m] / [s²].
+            gravity: Gravitational acceleration in [m/s²].
 
         Returns:
             The world.
 
         Raises:
-            ParameterError: If the model does not fit.
+            ParameterError: The model does not fit the world.
         """
 
     @abstractmethod
     def replace_postures(self, postures: Mapping[Side, Posture]) -> Self:
-        """Return the same world with legs that start in other postures."""
+        """Return the same world with other initial postures of the legs."""
 
     @property
     def start_phases(self) -> dict[str, str | None]:
@@ -287,21 +295,21 @@ class Scenario(Parameters, ABC):
         return replace(self, **dict.fromkeys(other, phases[0]))
 
     def leading_side(self, sides: Sequence[Side]) -> Side:
-        """Return the leg with which a cycle begins; the other is half a cycle behind."""
+        """Return the leg that starts its cycle at time 0; the other leg is half a cycle behind."""
         return sides[0]
 
     def remove_aids(self) -> Self | None:
-        """Return the same world without aids in the hands; None where there are none."""
+        """Return the same world without aids in the hands, such as crutches; None if it has none."""
         return None
 
     @property
     def walking(self) -> Walking | None:
-        """Parameters of walking on the ground; None in the air."""
+        """Parameters of walking on the ground; None for legs in the air."""
         return None
 
     @property
     def grounded(self) -> bool:
-        """Whether the feet touch ground and contain load sensors."""
+        """Whether there is ground under the feet; the feet then have load sensors."""
         return self.walking is not None
 
     @property
@@ -320,13 +328,13 @@ class Scenario(Parameters, ABC):
 
     def replace_adjustment(self, name: str, value: float) -> Self:
         """Return the same world with another value of an adjustment, in SI."""
-        place = next(item.path for item in self.adjustments if item.name == name)
-        changed: Self = _with_value(self, place, value)
+        path = next(item.path for item in self.adjustments if item.name == name)
+        changed: Self = _with_value(self, path, value)
         return changed
 
 
-def _with_value(parameters: Any, place: str, value: float) -> Any:
+def _with_value(parameters: Any, path: str, value: float) -> Any:
     """Return parameters in which the value at a dotted path is replaced."""
-    first, _, rest = place.partition(".")
+    first, _, rest = path.partition(".")
     inner = _with_value(getattr(parameters, first), rest, value) if rest else value
     return replace(parameters, **{first: inner})

@@ -30,7 +30,7 @@ class FrameWalk(Scenario):
         front_angles: Of the first leg at time 0 in [rad]; it starts in the first phase.
         rear_angles: Of the other leg in [rad].
         rear_phase: Phase in which the other leg starts; the first of the table if None.
-        resistance: Of dampers at hip and knee in [N m s] / [rad], for legs to work against.
+        resistance: Of dampers at hip and knee in [N·m·s/rad], for legs to work against.
     """
 
     kind: ClassVar[str] = "frame_walk"

@@ -55,8 +55,8 @@ def adapted_assistance(settings: AssistanceParameters, assistance: float, error:
     training as an optimization problem, IEEE ICORR (2005) 307-312.
     """
     excess = max(0.0, error - settings.error_deadband)
-    wanted = settings.forgetting_factor * assistance + settings.gain * excess
-    return min(1.0, max(settings.min_assistance, wanted))
+    level = settings.forgetting_factor * assistance + settings.gain * excess
+    return min(1.0, max(settings.min_assistance, level))
 
 
 @dataclass(slots=True)
@@ -102,9 +102,9 @@ def assistance_tick(memory: AssistanceMemory, device: ControllerState, tick: int
                 _end_stride(memory, number, tick)
             _add_errors(memory, device, number, tick)
     for number in range(len(device.joints)):
-        asked, share = device.joints[number].setpoint, memory.assisted[number].share
-        asked.stiffness *= share
-        asked.damping *= share
+        setpoint, share = device.joints[number].setpoint, memory.assisted[number].share
+        setpoint.stiffness *= share
+        setpoint.damping *= share
 
 
 class Assistance(Controller):
@@ -117,7 +117,7 @@ class Assistance(Controller):
         self.parameters, self.other = parameters, other
         for name in ("phase_driven", "check_joints", "setpoints", "initial_angles", "reference_path"):
             setattr(self, name, getattr(other, name))
-        adaptive = "control.assistance.adaptive: true is not printed; set false, and a share"
+        adaptive = "control.assistance.adaptive: true is not in the firmware; set false, and a share"
         self.unprinted_reason = other.unprinted_reason or (adaptive if parameters.adaptive else "")
 
     @property
@@ -157,18 +157,18 @@ def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, 
         progress += memory.path.starts[number]
     before, share = find_cycle_interval(progress, len(angles))
     for position in range(N_JOINTS_PER_LEG):
-        place = number * N_JOINTS_PER_LEG + position
+        index = number * N_JOINTS_PER_LEG + position
         start = angles[before][position]
-        wanted = start + share * (angles[before + 1][position] - start)
-        memory.assisted[place].tracking += abs(device.joints[place].measurement.angle - wanted)
+        reference = start + share * (angles[before + 1][position] - start)
+        memory.assisted[index].tracking += abs(device.joints[index].measurement.angle - reference)
 
 
 def _end_stride(memory: AssistanceMemory, number: int, tick: int) -> None:
     """Adapt the shares of one leg to the errors of its last stride."""
     stride = memory.strides[number]
     duration = tick - stride.stride_start
-    for place in range(number * N_JOINTS_PER_LEG, (number + 1) * N_JOINTS_PER_LEG):
-        joint = memory.assisted[place]
+    for index in range(number * N_JOINTS_PER_LEG, (number + 1) * N_JOINTS_PER_LEG):
+        joint = memory.assisted[index]
         joint.share = adapted_assistance(memory.settings, joint.share, joint.tracking / duration)
         joint.tracking = 0.0
     if stride.stride_start > 0:  # The first stride may be incomplete.

@@ -40,7 +40,7 @@ HIP_OFFSET = math.radians(3.0)  # Offset that moves the step forward, so that th
 # distance.
 KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
 
-DAMPING_RATIOS = Range(0.0, 10.0, exclusive_minimum=True, reason="without damping a joint rings")
+DAMPING_RATIOS = Range(0.0, 10.0, exclusive_minimum=True, reason="a joint without damping oscillates")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class PathParameters(Parameters):
     """Spring and damper that follow the predetermined path in the mode ``position``.
 
     Attributes:
-        stiffness: Stiffness k in [N m] / [rad], per joint (assumption: the hip stiffer than in any phase of
+        stiffness: Stiffness k in [N·m/rad], per joint (assumption: the hip stiffer than in any phase of
             the shipped table, so that the default wearer follows to 2°; the knee to 6° with 4 N·m/deg, where
             the limits saturate in 2 % of the ticks; with 7 it would be 4° and four times as many).
         damping_ratio: Damping ratio ζ of the joint on this spring.
@@ -71,11 +71,11 @@ def position_tick(memory: ReferencePath, device: ControllerState, tick: int, per
     for number in range(len(device.legs)):
         before, share = find_cycle_interval(memory.starts[number] + tick / cycle, len(angles))
         for position in range(N_JOINTS_PER_LEG):
-            asked = device.joints[number * N_JOINTS_PER_LEG + position].setpoint
+            setpoint = device.joints[number * N_JOINTS_PER_LEG + position].setpoint
             start = angles[before][position]
             change = angles[before + 1][position] - start
-            asked.equilibrium = start + share * change
-            asked.target += asked.damping * change / spacing
+            setpoint.equilibrium = start + share * change
+            setpoint.target += setpoint.damping * change / spacing
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Position(Controller):
     mode = "position"
     tick = staticmethod(position_tick)
     phase_driven = False
-    unprinted_reason = "control.mode: position follows a path, which is not printed; set impedance"
+    unprinted_reason = "control.mode: position is not available in the firmware; set impedance"
 
     def check_joints(self, joints: tuple[JointName, ...]) -> str:
         """Check that the joints are hip and knee, for which the path was found, and that each has a spring.
@@ -95,9 +95,10 @@ class Position(Controller):
         Returns an error message, empty if the controller can drive the joints.
         """
         if joints != PATH_JOINTS:
-            return f"control.mode: position has a path for {', '.join(PATH_JOINTS)}; take another mode"
+            return f"control.mode: position has a path for {', '.join(PATH_JOINTS)} only; set another mode"
         missing = [joint for joint in joints if joint not in self.path.stiffness]
-        return f"control.path.stiffness.{missing[0]}: position needs a spring for it" if missing else ""
+        problem = "is missing; control.mode position needs a stiffness for every joint"
+        return f"control.path.stiffness.{missing[0]}: {problem}" if missing else ""
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
         """Set the same spring in every phase; θ0 changes with the tick."""

@@ -79,8 +79,8 @@ class Winding:
     drive: int  # Drive: ``OPEN`` winding, ``IDEAL`` or ``PI`` current loop, or a ``DUTY`` without one.
     periods: int  # Number of periods of the current loop in a tick.
     period: float  # Length of a period of the current loop in [s].
-    proportional_gain: float  # Gain K_p of the current loop in [V] / [A].
-    integral_gain: float  # Gain K_i of the current loop in [V] / [A s].
+    proportional_gain: float  # Gain K_p of the current loop in [V/A].
+    integral_gain: float  # Gain K_i of the current loop in [V/(A·s)].
     line: DelayLine  # Delay line of the current samples in [A].
     sample: float = 0.0  # Sample that the current loop uses in [A].
     target_current: float = 0.0  # Target current in [A].
@@ -100,17 +100,17 @@ class Acceleration:
     gain: float  # Gain of the first-order filter.
     line: DelayLine  # Delay line of the samples of the inertial unit.
     last_sample: float = 0.0  # Last sample that was used.
-    estimate: float = 0.0  # Filtered angular acceleration in [rad] / [s²].
+    estimate: float = 0.0  # Filtered angular acceleration in [rad/s²].
 
 
 @dataclass(slots=True)
 class Body:
     """State of a rotating body: rotor with wave generator, or link with weight."""
 
-    inertia: float  # Moment of inertia at the joint in [kg m²].
+    inertia: float  # Moment of inertia at the joint in [kg·m²].
     angle: float  # Angle in [rad].
-    velocity: float  # Angular velocity in [rad] / [s].
-    acceleration: float = 0.0  # Angular acceleration in [rad] / [s²], for the log.
+    velocity: float  # Angular velocity in [rad/s].
+    acceleration: float = 0.0  # Angular acceleration in [rad/s²], for the log.
 
 
 @dataclass(slots=True)
@@ -141,7 +141,7 @@ class BenchEpisode:
     rotor: Body
     link: Body
     horizontal_angle: float  # Angle at which the link is level, in [rad].
-    mass_moment: float  # Mass moment of weight and link in [kg m].
+    mass_moment: float  # Mass moment of weight and link in [kg·m].
     torsion: Torsion  # Torsion of the gear.
     compliant: bool  # Whether the gear has torsion.
     efficiency: CatalogueEfficiency  # Efficiency of the gear, from its catalogue or constant.
@@ -160,9 +160,8 @@ class BenchEpisode:
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Deflection of the bristles in some friction laws at the start of the step, in [rad].
     deflection: float = 0.0
-    setpoint: JointSetpoint = field(
-        default_factory=JointSetpoint
-    )  # Feed-forward torques and θ0 of the torque control.
+    # Feed-forward torques and θ0 of the torque control.
+    setpoint: JointSetpoint = field(default_factory=JointSetpoint)
     command: Command = field(default_factory=Command)  # Torques of the command to the drive.
     torques: Torques = field(default_factory=Torques)
     time: float = 0.0  # Time of the tick in [s].

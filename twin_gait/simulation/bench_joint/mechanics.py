@@ -36,11 +36,11 @@ def drive_winding(e: BenchEpisode, velocity: float) -> None:
         return
     if winding.drive == PI:
         error, limit = winding.target_current - winding.sample, e.bus_voltage
-        wanted, winding.integral = current_loop_step(
+        voltage, winding.integral = current_loop_step(
             error, winding.integral, winding.proportional_gain, winding.integral_gain, winding.period, limit
         )
         full = counts if counts > 0 else 1
-        winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
+        winding.voltage = inverter_voltage(voltage / e.bus_voltage * full, counts, e.bus_voltage)
         winding.duty = winding.voltage / e.bus_voltage
     winding.current, winding.mean_current = winding_current_step(
         winding.current, winding.voltage, back_emf, motor.resistance, e.test.drive.inductance, winding.period
@@ -53,7 +53,7 @@ def motor_torque(e: BenchEpisode, current: float) -> float:
 
 
 def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
-    """Return the accelerations of rotor and link in [rad] / [s²] at the present state and current."""
+    """Return the accelerations of rotor and link in [rad/s²] at the present state and current."""
     torque = motor_torque(e, e.winding.current)
     e.torques.motor = torque
     return accelerations(e, time, torque, e.rotor.angle, e.rotor.velocity, e.link.angle, e.link.velocity)
@@ -115,7 +115,7 @@ def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> f
     the load of the gear: :math:`\tau = \tau_0 + c\,T_l = \tau_0 / (1 - c s)`.
 
     ``load``: torque :math:`\tau_0` that the gear would transmit without losses, in [N·m]. ``velocity``:
-    velocity of the rotor at the joint in [rad] / [s]. ``share``: :math:`c`, rotor inertia over total inertia.
+    velocity of the rotor at the joint in [rad/s]. ``share``: :math:`c`, rotor inertia over total inertia.
     """
     gear = e.efficiency
     efficiency = drive_efficiency(gear.temperature, e.motor.gear_ratio * velocity, gear.coefficients)

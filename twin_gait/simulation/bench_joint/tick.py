@@ -119,28 +119,32 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 def _control_torque(e: BenchEpisode) -> None:
     """Compute the torque of impedance, compensations and target, and the target current for it."""
     law, limits, encoder = e.torque_control, e.test.limits, e.encoder
-    demand, asked = e.setpoint, e.command
+    setpoint, command = e.setpoint, e.command
     inertia = e.rotor.inertia + e.link.inertia
-    place, path_velocity, path_acceleration = cosine_path(e.path, e.time)
+    angle, path_velocity, path_acceleration = cosine_path(e.path, e.time)
     velocity = encoder.velocity_fast - path_velocity
-    demand.equilibrium = place
-    asked.impedance = impedance_torque(encoder.angle, velocity, law.stiffness, law.damping, place)
-    asked.friction = law.friction_compensation_gain * _model_friction(e, path_velocity)
-    demand.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
-    demand.target = law.target_torque + inertia * path_acceleration
-    asked.torque = asked.impedance + asked.friction + demand.inertia + demand.target
-    e.winding.target_current = target_current(e.motor, asked.torque, limits.torque, limits.current)
+    setpoint.equilibrium = angle
+    command.impedance = impedance_torque(encoder.angle, velocity, law.stiffness, law.damping, angle)
+    command.friction = law.friction_compensation_gain * _model_friction(e, path_velocity)
+    setpoint.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
+    setpoint.target = law.target_torque + inertia * path_acceleration
+    command.torque = command.impedance + command.friction + setpoint.inertia + setpoint.target
+    e.winding.target_current = target_current(e.motor, command.torque, limits.torque, limits.current)
 
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Return the friction torque of the compensation's model; the old model uses the fast velocity."""
-    law, old, own = e.torque_control, e.old_model, e.torque_control.friction_model
+    law, old, model = e.torque_control, e.old_model, e.torque_control.friction_model
     measured = e.encoder.velocity_fast if e.uses_old_model else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if law.follows_path else measured, law.dead_zone)
     if e.uses_old_model:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
-        velocity, own.breakaway_torque, own.coulomb_friction, own.breakaway_velocity, own.viscous_friction
+        velocity,
+        model.breakaway_torque,
+        model.coulomb_friction,
+        model.breakaway_velocity,
+        model.viscous_friction,
     )
 
 

@@ -29,21 +29,21 @@ def draw_power(e: Episode) -> None:
 
 def _drive(e: Episode, number: int) -> None:
     joint = e.joints[number]
-    asked, place = joint.board.command, joint.index
-    current, torque = drive_motor(joint.motor, asked.target_current, e.v[place], e.supply.bus_voltage)
-    off = asked.drive_off or joint.off
+    command, index = joint.board.command, joint.index
+    current, torque = drive_motor(joint.motor, command.target_current, e.v[index], e.supply.bus_voltage)
+    off = command.drive_off or joint.off
     joint.current = 0.0 if off else current
     joint.current_deviation = 0.0
-    e.motor[place] = 0.0 if off else torque
+    e.motor[index] = 0.0 if off else torque
 
 
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:
     joint, row = e.joints[number], drive_fault(number, tick, e.faults)
     if row != NO_FAULT:
-        motor, place, fault, expected = joint.motor, joint.index, e.faults[row], joint.current
+        motor, index, fault, expected = joint.motor, joint.index, e.faults[row], joint.current
         wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
-        asked = target_current(motor, wrong, e.limits.torque, e.limits.current)
-        joint.current, e.motor[place] = drive_motor(motor, asked, e.v[place], e.supply.bus_voltage)
+        target = target_current(motor, wrong, e.limits.torque, e.limits.current)
+        joint.current, e.motor[index] = drive_motor(motor, target, e.v[index], e.supply.bus_voltage)
         joint.current_deviation = joint.current - expected
 
 

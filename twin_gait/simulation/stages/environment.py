@@ -98,16 +98,16 @@ def add_wearer_torques(e: Episode, number: int, tick: int) -> None:
 def _add_wearer_torque(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
     """Add the wearer's passive torque and the delayed voluntary effort on a hip or knee, in [N·m]."""
     limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
-    condition, place = limb.condition, limb.index + WEARER_OFFSET
+    condition, index = limb.condition, limb.index + WEARER_OFFSET
     moments = limb.moments[phase]
     below, share = find_grid_interval(hip, MIN_HIP_ANGLE, HIP_ANGLE_STEP, len(moments))
     moment = moments[below] + share * (moments[below + 1] - moments[below])
     effort = delayed_sample(limb.effort_line, tick, condition.effort * condition.strength * moment)
     effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
-    reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
-    e.passive_moment[place] = condition.passive * passive + reflex
-    e.voluntary[place] = effort
-    e.external[place] += e.passive_moment[place] + effort
+    reflex = spastic_torque(e.v[index], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
+    e.passive_moment[index] = condition.passive * passive + reflex
+    e.voluntary[index] = effort
+    e.external[index] += e.passive_moment[index] + effort
 
 
 def add_trunk_forces(e: Episode, q: list[float], v: list[float]) -> None:
@@ -192,15 +192,15 @@ def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
     """Compute the accelerations of the tips of the crutches and the power of their contact forces."""
     for number in range(N_CRUTCHES):
         arm, ground = e.arms[number], e.ground
-        place, tip = arm.index, arm.tip
-        tip.height = q[place + 1]
-        tip.upward = contact_normal_force(-tip.height, -v[place + 1], ground.stiffness, ground.dissipation)
+        index, tip = arm.index, arm.tip
+        tip.height = q[index + 1]
+        tip.upward = contact_normal_force(-tip.height, -v[index + 1], ground.stiffness, ground.dissipation)
         tip.forward = anchored_friction_force(
-            arm, q[place], v[place], tip.upward, ground.friction_coefficient
+            arm, q[index], v[index], tip.upward, ground.friction_coefficient
         )
-        e.a[place] = (e.torque[place] + tip.forward) / arm.mass
-        e.a[place + 1] = (e.torque[place + 1] + tip.upward) / arm.mass - e.gravity
-        e.contact_power += tip.forward * v[place] + tip.upward * v[place + 1]
+        e.a[index] = (e.torque[index] + tip.forward) / arm.mass
+        e.a[index + 1] = (e.torque[index + 1] + tip.upward) / arm.mass - e.gravity
+        e.contact_power += tip.forward * v[index] + tip.upward * v[index + 1]
 
 
 def update_tip_anchors(e: Episode) -> None:

@@ -42,19 +42,19 @@ from twin_gait.simulation.stages.environment import (
 )
 from twin_gait.simulation.stages.sensors import normal_force, point_force
 
-# Largest number of times that the accelerations of a state are solved for until all signs of loads are right.
+# Largest number of solutions for the accelerations of one state, in the search for the signs of gear loads.
 MOST_SOLUTIONS = 8
 
 
 def integrate(e: Episode, tick: int) -> None:
-    """Integrate all substeps of a tick; the first one uses the evaluation for the log, if there is one."""
+    """Integrate all steps of a tick; the first one uses the accelerations of the log, if a row is written."""
     for substep in range(e.substeps):
         time = tick * e.rates.period + substep * e.step
-        known = e.recording.on and substep == 0
+        evaluated = e.recording.on and substep == 0
         if WITH_RK4:
-            _runge_kutta_step(e, time, known)
+            _runge_kutta_step(e, time, evaluated)
         else:
-            _euler_step(e, time, known)
+            _euler_step(e, time, evaluated)
         if N_CRUTCHES > 0:
             for one in vector_lanes(e):
                 update_tip_anchors(one)
@@ -63,8 +63,12 @@ def integrate(e: Episode, tick: int) -> None:
 def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
     """Compute the accelerations of a state under all forces and torques.
 
+    They are the solution of (M + (1 − λ) J) a + h = (1 − λ) τ_m + τ, with the inertia matrix M of the bodies,
+    the inertia J of the rotors, the motor torque τ_m, the share λ of its load that a gear loses, gravity and
+    velocity terms h, and all other torques τ: friction, stops, springs, wearer, braces and contacts.
+
     Args:
-        e: Its accelerations are changed in place.
+        e: Episode; its accelerations are changed in place.
         time: Time in [s].
         staged: Whether the state is that of a stage of the integration instead of the present one.
     """
@@ -115,10 +119,10 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
 
 
 def _solve(e: Episode, staged: bool) -> None:
-    """Solve for the accelerations; repeat it until every gear loses with the right sign of its load.
+    """Solve for the accelerations until they agree with the assumed sign of the load of every gear.
 
-    The signs are those of the previous evaluation. As long as one is wrong, the first wrong one is changed
-    (least-index method of Murty 1974, which ends because the inertia matrix is positive definite).
+    The signs of the previous evaluation are assumed first. While one of them is wrong, the first wrong sign
+    is changed (least-index method of Murty 1974, which ends because the inertia matrix is positive definite).
     """
     for solution in range(MOST_SOLUTIONS):
         for one in vector_lanes(e):
@@ -138,7 +142,7 @@ def _solve(e: Episode, staged: bool) -> None:
 
 
 def _change_sign(one: Episode, staged: bool) -> None:
-    """Change the sign of the load of the first gear with a wrong one, and the terms that depend on it."""
+    """Change the first wrong sign of the load of a gear, and the terms that depend on it."""
     _, v = _state(one, staged)
     if GEAR_INDICES:
         for i in GEAR_INDICES:
@@ -153,29 +157,33 @@ def _change_sign(one: Episode, staged: bool) -> None:
 
 
 def evaluate(e: Episode, tick: int) -> None:
-    """Evaluate the motion at the state before the integration, which the log records."""
+    """Compute the accelerations and forces of the state before the integration, for the log."""
     compute_accelerations(e, tick * e.rates.period, False)
 
 
 def sum_external_torque(e: Episode, number: int) -> None:
-    """Sum up the external torques on a joint."""
-    place = e.joints[number].index
-    imposed = e.imposed_motion.torque if e.imposed_motion.index == place else 0.0
+    """Sum up the disturbance torque and the external torque on a joint in [N·m]."""
+    index = e.joints[number].index
+    imposed = e.imposed_motion.torque if e.imposed_motion.index == index else 0.0
     e.joints[number].disturbance_torque = imposed + e.joints[number].push
-    e.joints[number].external_torque = imposed + e.external[place]
+    e.joints[number].external_torque = imposed + e.external[index]
     if WEARER_OFFSET > 0:
-        e.joints[number].external_torque += e.external[place + WEARER_OFFSET]
+        e.joints[number].external_torque += e.external[index + WEARER_OFFSET]
 
 
 def sum_ground_forces(e: Episode, number: int) -> None:
-    """Sum up the forces of the ground on a foot, and compute the centre of pressure."""
+    """Sum up the forces of the ground on a foot, and compute its clearance and centre of pressure.
+
+    The centre of pressure is Σ i F_i / ((n − 1) Σ F_i) over the normal forces F_i of the n points of the sole
+    from heel to toe, i = 0 … n − 1.
+    """
     foot, first = e.feet[number], number * N_POINTS_PER_FOOT
     friction, pressed, lowest = 0.0, 0.0, e.points[first].height
-    for place in range(first, first + N_POINTS_PER_FOOT):
-        along, normal = point_force(e, place)
+    for point in range(first, first + N_POINTS_PER_FOOT):
+        along, normal = point_force(e, point)
         friction += along
-        pressed += normal * (place - first)
-        lowest = min(lowest, e.points[place].height)
+        pressed += normal * (point - first)
+        lowest = min(lowest, e.points[point].height)
     foot.normal = normal_force(e, number)
     foot.friction = friction
     foot.clearance = lowest
@@ -184,12 +192,12 @@ def sum_ground_forces(e: Episode, number: int) -> None:
 
 
 def observe_energies(e: Episode) -> None:
-    """Compute the energies, and the load of the guides of the pelvis."""
+    """Compute the energies in [J], and force in [N] and pitch moment in [N·m] of the guides of the pelvis."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
     if N_CRUTCHES > 0:
-        of_tips = tip_energy(e)
-        kinetic += of_tips[0]
-        potential += of_tips[1]
+        tips = tip_energy(e)
+        kinetic += tips[0]
+        potential += tips[1]
     e.kinetic_energy, e.potential_energy, e.guide_force, e.guide_moment = kinetic, potential, force, moment
 
 
@@ -214,7 +222,7 @@ def _friction_arguments(one: Episode, index: int, staged: bool) -> tuple[float, 
 
 
 def _store_friction(one: Episode, index: int, found: tuple[float, float]) -> None:
-    """Store the friction in the place of the sum of all torques, and the share that the gear loses."""
+    """Store the friction torque in ``torque``, to which the other torques are added, and the loss share."""
     one.torque[index] = found[0]
     one.plant[index].loss_share = found[1]
 
@@ -226,13 +234,13 @@ def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
     return one.q, one.v
 
 
-def _euler_step(e: Episode, time: float, known: bool) -> None:
+def _euler_step(e: Episode, time: float, evaluated: bool) -> None:
     """Integrate one step by the semi-implicit Euler method, which is of first order.
 
     ``v ← v + h a(q, v)``, then ``q ← q + h v`` with the new velocity. Work is computed with the mean of the
-    old and the new velocity.
+    old and the new velocity. ``evaluated``: whether the accelerations have already been computed.
     """
-    if not known:
+    if not evaluated:
         compute_accelerations(e, time, False)
     for i in range(len(e.q)):
         for one in vector_lanes(e):
@@ -248,8 +256,11 @@ def _euler_step(e: Episode, time: float, known: bool) -> None:
         _add_work(e, e.step)
 
 
-def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
-    """Integrate one step by the classical Runge-Kutta method, which is of fourth order."""
+def _runge_kutta_step(e: Episode, time: float, evaluated: bool) -> None:
+    """Integrate one step by the classical Runge-Kutta method, which is of fourth order.
+
+    ``evaluated``: whether the accelerations of the first stage have already been computed.
+    """
     step = e.step
     for i in range(len(e.q)):
         for one in vector_lanes(e):
@@ -262,7 +273,7 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
         outer = stage == 0 or stage == 3
         weight = 1.0 / 6.0 if outer else 1.0 / 3.0
         offset = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-        if not (known and stage == 0):
+        if not (evaluated and stage == 0):
             compute_accelerations(e, time + offset * step, True)
         if e.recording.on:
             for one in vector_lanes(e):
@@ -292,7 +303,7 @@ def _move(e: Episode, index: int, displacement: float) -> None:
 
 
 def _add_work(e: Episode, duration: float) -> None:
-    """Add the work of every source on the leg in a short time, at the velocities of the stage."""
+    """Add the work of every source: torque times velocity of the stage times ``duration`` in [s]."""
     for i in range(len(e.q)):
         for one in vector_lanes(e):
             works, plant, v = one.work, one.plant[i], one.integrator.v[i]

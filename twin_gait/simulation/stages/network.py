@@ -43,45 +43,46 @@ def _receive(e: Episode, channel: CanChannel, tick: int) -> bool:
 
     The age of the values that the receiver uses is counted.
     """
-    came = tick - e.network.delay
-    received = channel.received[came % len(channel.received)]
-    heard = came > 0 and received.tick == came
-    if heard:
+    arrival = tick - e.network.delay
+    received = channel.received[arrival % len(channel.received)]
+    arrived = arrival > 0 and received.tick == arrival
+    if arrived:
         unpack_frame(channel.layout, received.halves, e.network.numbers)
         channel.written_tick = received.written
     channel.age_sum += tick - channel.written_tick
     channel.max_age = max(channel.max_age, tick - channel.written_tick)
-    return heard
+    return arrived
 
 
 def receive_measurement(e: Episode, number: int, tick: int) -> None:
     """Receive the measurement of a board over the bus, if there is one in this tick."""
     controller, numbers = e.controller, e.network.numbers
-    measured, heard = controller.joints[number].measurement, _receive(e, e.network.measurements[number], tick)
+    measured = controller.joints[number].measurement
+    arrived = _receive(e, e.network.measurements[number], tick)
     measured.last_angle, measured.last_velocity = measured.angle, measured.velocity
-    if heard:
+    if arrived:
         measured.angle, measured.velocity = numbers[ANGLE], numbers[VELOCITY]
         measured.motor_speed = numbers[VELOCITY]  # the frame has no signal for the speed from the drive
         if measured.cause == NO_TRIP:
             measured.cause = int(numbers[CAUSE])
         if N_POINTS_PER_FOOT > 0 and (number + 1) % N_JOINTS_PER_LEG == 0:
             receive_load(controller, number // N_JOINTS_PER_LEG, numbers[FOOT_LOAD])
-    check_board_timeout(controller, e.limits, number, heard)
+    check_board_timeout(controller, e.limits, number, arrived)
 
 
 def receive_setpoint(e: Episode, number: int, tick: int) -> None:
     """Receive the setpoint of a board over the bus, if there is one in this tick, and execute it."""
-    numbers, heard = e.network.numbers, e.joints[number].received_setpoint
-    came = _receive(e, e.network.setpoints[number], tick)
-    if came:
-        heard.stiffness, heard.damping = numbers[STIFFNESS], numbers[DAMPING]
-        heard.equilibrium, heard.gain = numbers[EQUILIBRIUM], numbers[GAIN]
-        heard.held = numbers[STATE] != RUN
+    numbers, setpoint = e.network.numbers, e.joints[number].received_setpoint
+    arrived = _receive(e, e.network.setpoints[number], tick)
+    if arrived:
+        setpoint.stiffness, setpoint.damping = numbers[STIFFNESS], numbers[DAMPING]
+        setpoint.equilibrium, setpoint.gain = numbers[EQUILIBRIUM], numbers[GAIN]
+        setpoint.held = numbers[STATE] != RUN
         # If the board computes the spring, the torque of the frame is the whole feed-forward.
-        given = WITH_CENTRAL_IMPEDANCE and not heard.held
-        heard.gravity = 0.0 if given else numbers[TORQUE]
-        heard.target = numbers[TORQUE] if given else 0.0
-    receive(e.joints[number].board, e.limits, heard, came)
+        given = WITH_CENTRAL_IMPEDANCE and not setpoint.held
+        setpoint.gravity = 0.0 if given else numbers[TORQUE]
+        setpoint.target = numbers[TORQUE] if given else 0.0
+    receive(e.joints[number].board, e.limits, setpoint, arrived)
 
 
 def send_frames(e: Episode, number: int, tick: int) -> None:
@@ -119,16 +120,16 @@ def _send_setpoint(e: Episode, number: int, tick: int) -> None:
     network, joint, wire = e.network, e.controller.joints[number], e.network.setpoints[number]
     frame = network.bus.frames[wire.frame]
     if is_release_due(network.bus, frame, tick):
-        asked, numbers = joint.setpoint, network.numbers
-        stiffness, damping = asked.stiffness, asked.damping
-        torque = asked.gravity + asked.inertia + asked.target
-        if WITH_CENTRAL_IMPEDANCE and not asked.held:
+        setpoint, numbers = joint.setpoint, network.numbers
+        stiffness, damping = setpoint.stiffness, setpoint.damping
+        torque = setpoint.gravity + setpoint.inertia + setpoint.target
+        if WITH_CENTRAL_IMPEDANCE and not setpoint.held:
             angle, velocity = joint.measurement.angle, joint.measurement.velocity
-            torque += impedance_torque(angle, velocity, stiffness, damping, asked.equilibrium)
+            torque += impedance_torque(angle, velocity, stiffness, damping, setpoint.equilibrium)
             stiffness, damping = 0.0, 0.0
-        numbers[STIFFNESS], numbers[DAMPING], numbers[EQUILIBRIUM] = stiffness, damping, asked.equilibrium
-        numbers[GAIN], numbers[TORQUE] = asked.gain, torque
-        numbers[STATE] = HOLD if asked.held else RUN
+        numbers[STIFFNESS], numbers[DAMPING], numbers[EQUILIBRIUM] = stiffness, damping, setpoint.equilibrium
+        numbers[GAIN], numbers[TORQUE] = setpoint.gain, torque
+        numbers[STATE] = HOLD if setpoint.held else RUN
         numbers[NUMBER] = _count(frame)
         pack_frame(wire.layout, numbers, frame.outgoing.halves)
 
@@ -155,8 +156,8 @@ def reboot(e: Episode, tick: int) -> None:
     Encoders are absolute, and their filters continue: the time in which they settle is not simulated.
     """
     bus = e.network.bus
-    for place in range(bus.next_outage):
-        outage = bus.outages[place]
+    for index in range(bus.next_outage):
+        outage = bus.outages[index]
         if outage.kind == REBOOT and outage.node == _CCU:
             trip(e.controller, tick, BUS_TRIP, -1)
         elif outage.kind == REBOOT:

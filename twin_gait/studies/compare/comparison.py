@@ -133,7 +133,7 @@ def compare(
     require(seeds >= 1, "seeds", "1 or more", seeds)
     jobs = [(controller, seed) for controller in controllers for seed in range(seeds)]
     day_of, measure = partial(_make_sample, experiment), partial(_measured, experiment.seed)
-    found = run_episodes(day_of, measure, jobs, episode_name=lambda place: jobs[place][0].name, **watch)
+    found = run_episodes(day_of, measure, jobs, episode_name=lambda index: jobs[index][0].name, **watch)
     if len(found) < len(jobs):
         return None
     named = [{"controller": controller.name, "seed": seed} for controller, seed in jobs]
@@ -162,8 +162,7 @@ def draw_sample(experiment: Experiment, seed: int) -> Experiment:
     drawn = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4)
     weight, rough, fast, form = (1.0 + np.array(SPREADS) * drawn).tolist()
     conditions = {
-        place: replace(item, effort=min(1.0, form * item.effort))
-        for place, item in patient.conditions.items()
+        key: replace(item, effort=min(1.0, form * item.effort)) for key, item in patient.conditions.items()
     }
     patient = replace(patient, mass=min(HEAVIEST_WEARER, weight * patient.mass), conditions=conditions)
     friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}

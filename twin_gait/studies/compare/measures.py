@@ -34,16 +34,16 @@ def run_measures(run: Run) -> Measures:
     if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs):
         return found
     pairs = zip(legs, reversed(legs), strict=True)
-    by_place = {str(leg.record.side): _gait(leg, other) for leg, other in pairs}
-    by_leg = pd.DataFrame(by_place).T
-    places = [(leg, joint) for leg in legs for joint in leg.record.angles]
+    by_owner = {str(leg.record.side): _gait(leg, other) for leg, other in pairs}
+    by_leg = pd.DataFrame(by_owner).T
+    leg_joints = [(leg, joint) for leg in legs for joint in leg.record.angles]
     joint_values = {
-        (leg.record.side, joint): {**_shape(leg, joint), **_effort(leg, joint)} for leg, joint in places
+        (leg.record.side, joint): {**_shape(leg, joint), **_effort(leg, joint)} for leg, joint in leg_joints
     }
     by_joint = pd.DataFrame(joint_values).T
-    by_place |= {f"{side}_{joint}": values for (side, joint), values in joint_values.items()}
-    by_place |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
-    found |= {f"{place}_{name}": value for place, row in by_place.items() for name, value in row.items()}
+    by_owner |= {f"{side}_{joint}": values for (side, joint), values in joint_values.items()}
+    by_owner |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
+    found |= {f"{owner}_{name}": value for owner, row in by_owner.items() for name, value in row.items()}
     powers = pd.DataFrame([wearer_powers(run.columns, leg.record, leg.strides) for leg in legs]).sum(
         skipna=False
     )
@@ -56,14 +56,14 @@ def _means(rows: pd.DataFrame) -> Measures:
 
 
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
-    own, others = leg.record, other.record
-    assert own.loaded is not None and others.loaded is not None  # a run on the ground has loads
+    record, other_record = leg.record, other.record
+    assert record.loaded is not None and other_record.loaded is not None  # a run on the ground has loads
     known, times = leg.contact_measures(), strides.stride_times(leg.strides, TICK)
     speed = ground_speed(leg.log, leg.strides, TICK)
     return {
         "stride_time_s": known["stride_time_mean_s"],
         "stride_length_m": strides.finite_mean(speed * times),
-        "step_time_s": strides.finite_mean(counted_step_times(own, others, leg.strides)),
+        "step_time_s": strides.finite_mean(counted_step_times(record, other_record, leg.strides)),
         "double_support_share": known["double_support_share"],
         "toe_clearance_m": known["toe_clearance_min_m"],
     }
@@ -87,7 +87,7 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     run, side = leg.run, leg.record.side
     actuator = run.experiment.plant.actuators[joint]
     # A torque on the wearer works on the wearer's motion, which with braces differs from the device's motion.
-    device, velocity, own, flowing = (
+    device, velocity, voluntary, flowing = (
         strides.values_in_strides(values, leg.strides)
         for values in (
             _device_torque(leg.log, f"{side}_{joint}", actuator.armature),
@@ -100,10 +100,10 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     half_way = int(leg.strides[0, 0] + leg.strides[-1, 1]) // 2
     return {
         "interaction_rms_Nm": effort.root_mean_square(device),
-        "effort_rms_Nm": effort.root_mean_square(own),
-        "opposing_rms_Nm": effort.root_mean_square(effort.opposing_torque(device, own)),
+        "effort_rms_Nm": effort.root_mean_square(voluntary),
+        "opposing_rms_Nm": effort.root_mean_square(effort.opposing_torque(device, voluntary)),
         "device_work_J": effort.positive_work(device, velocity, TICK),
-        "wearer_work_J": effort.positive_work(own, velocity, TICK),
+        "wearer_work_J": effort.positive_work(voluntary, velocity, TICK),
         "assistance_level": assistance_level(run, side, joint, half_way),
         "current_rms_A": current,
         "current_rms_share": current / continuous_current(actuator),
@@ -139,10 +139,10 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     given = np.asarray(run.columns[f"{side}_{joint}_stiffness_Nm_per_rad"])
     shares = []
     for spell in phase_spells(codes)[1:-1]:
-        asked = phases[spell.phase].joints[str(joint)].stiffness
+        prescribed = phases[spell.phase].joints[str(joint)].stiffness
         settled = spell.end - spell.start > run.table.blend_ticks(phases[spell.phase])
-        if spell.start >= since and settled and asked > 0.0:
-            shares.append(given[spell.end - 1] / asked)
+        if spell.start >= since and settled and prescribed > 0.0:
+            shares.append(given[spell.end - 1] / prescribed)
     return strides.finite_mean(np.array(shares))
 
 

@@ -59,9 +59,9 @@ class Range(Strict):
     @model_validator(mode="after")
     def _ascends(self) -> Range:
         if self.start >= self.stop:
-            raise ValueError(f"expected from below to, got {self.start:g} and {self.stop:g}")
+            raise ValueError(f"expected from to be below to, got {self.start:g} and {self.stop:g}")
         if self.scale == "log" and self.start <= 0.0:
-            raise ValueError(f"expected from above 0 on a log scale, got {self.start:g}")
+            raise ValueError(f"expected from to be above 0 on a log scale, got {self.start:g}")
         return self
 
     def values_at(self, shares: np.ndarray) -> np.ndarray:
@@ -136,22 +136,22 @@ def sweep_from_mapping(
     try:  # YAML also has dates and sets, which are no parameters
         plain = json.loads(json.dumps(data))
     except (TypeError, ValueError, RecursionError) as error:
-        wanted = f"expected numbers, texts, lists and mappings ({error})"
-        raise ParameterFileError(source, "", wanted) from error
+        expected = f"expected numbers, texts, lists and mappings ({error})"
+        raise ParameterFileError(source, "", expected) from error
     entry = validate(SweepFile, plain, source)
     for measure in entry.measures:
         if measure not in SUMMARY_COLUMNS or measure in ("status", "outcome"):
-            problem = f"no measure {measure!r}; see the columns of the table of any sweep"
+            problem = f"there is no measure {measure!r}; expected a column of the table of a sweep"
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
     loaded = _experiment(entry.experiment, assignments, source, folder)
     overrides = make_overrides(entry, source)
-    own = referenced_files(loaded.experiment)
-    more = _override_files(entry.files, overrides, folder, len(own))
+    references = referenced_files(loaded.experiment)
+    more = _override_files(entry.files, overrides, folder, len(references))
     document = {
         "schema_version": entry.schema_version,
         "name": entry.name or name,
-        "experiment": _experiment_document(loaded, own),
+        "experiment": _experiment_document(loaded, references),
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
         "seed": entry.seed,
         "measures": entry.measures,
@@ -159,7 +159,7 @@ def sweep_from_mapping(
         "files": {given: file.name for given, file in more.items()},
         "provenance": {"sources_sha256": sources_hash(), "versions": software_versions()},
     }
-    return Sweep(source, loaded.experiment, overrides, document, [*own, *more.values()])
+    return Sweep(source, loaded.experiment, overrides, document, [*references, *more.values()])
 
 
 def _override_files(
@@ -231,8 +231,9 @@ def make_overrides(entry: SweepFile, source: str) -> list[Override]:
     for key in ("episodes", "samples", "parameters"):
         needed = key in _NEEDED[entry.method]
         if needed != bool(getattr(entry, key)):
-            problem = "is missing or empty; method {} needs it" if needed else "method {} does not use it"
-            raise ParameterFileError(source, key, problem.format(entry.method))
+            missing = f"is missing or empty; the method {entry.method} requires it"
+            unused = f"the method {entry.method} does not use it; leave it out"
+            raise ParameterFileError(source, key, missing if needed else unused)
     levels = {key: _levels(key, value, entry.method, source) for key, value in entry.parameters.items()}
     count = entry.samples or len(entry.episodes) or math.prod(map(len, levels.values()))
     if count > MOST_EPISODES:
@@ -247,17 +248,17 @@ def make_overrides(entry: SweepFile, source: str) -> list[Override]:
 
 def _levels(key: str, value: Any, method: str, source: str) -> Any:
     """Return the values of a parameter; for a Latin hypercube they may be a range."""
-    place = f"parameters.{key}"
+    key_path = f"parameters.{key}"
     if isinstance(value, list) and value:
         return value
     if not isinstance(value, dict):
-        wanted = f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value)}"
-        raise ParameterFileError(source, place, wanted)
-    found = validate(Range, value, f"{source}: {place}")
+        expected = f"expected a list of values or {{from: …, to: …}}, got {json.dumps(value)}"
+        raise ParameterFileError(source, key_path, expected)
+    found = validate(Range, value, f"{source}: {key_path}")
     if method != "grid":
         return found
     if found.count is None:
-        raise ParameterFileError(source, place, "expected a count of 2 or more values of the grid")
+        raise ParameterFileError(source, key_path, "expected a count of 2 or more values of the grid")
     space = np.geomspace if found.scale == "log" else np.linspace  # both ends are exact
     return space(found.start, found.stop, found.count).tolist()
 
@@ -279,8 +280,9 @@ def _make_episode(base: LoadedExperiment, seed: int, named: Named, episode: Epis
     """Return the experiment of an episode, with a seed of its own."""
     number, override = episode
     draws = np.random.SeedSequence(seed, spawn_key=(number,))
-    own = {"seed": int(draws.generate_state(1, np.uint64)[0])}
-    return apply_override(replace(base, document=base.document | own), override, f"episode {number}", named)
+    changes = {"seed": int(draws.generate_state(1, np.uint64)[0])}
+    seeded = replace(base, document=base.document | changes)
+    return apply_override(seeded, override, f"episode {number}", named)
 
 
 def check_episode(make_experiment: Callable[[Episode], Experiment], episode: Episode) -> None:

@@ -83,7 +83,7 @@ def _lock_sweep_folder(directory: Path, sweep: Sweep) -> Iterator[None]:
             write_atomically(staging / SPEC_FILE, dump_yaml(dict(sweep.document)))
     lock = try_lock(directory)
     if lock is None:
-        raise RunDirectoryError(f"{directory}: another process is at work on this sweep")
+        raise RunDirectoryError(f"{directory}: another process is running this sweep")
     try:
         yield
     finally:
@@ -114,7 +114,7 @@ def read_table(path: Path) -> pd.DataFrame:
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RunDirectoryError(
-            f"{path}: cannot be read ({reason}); remove it, and its episodes run again"
+            f"{path}: cannot be read ({reason}); remove it, so that its episodes run again"
         ) from error
 
 
@@ -211,9 +211,9 @@ def _run(
         columns=batch.SUMMARY_LOG_COLUMNS,
         workers=workers,
         on_results=lambda rows: _store_rows(
-            directory, {pending[place][0]: flat for place, flat in rows.items()}
+            directory, {pending[index][0]: flat for index, flat in rows.items()}
         ),
-        episode_name=lambda place: f"{sweep.source}: episode {pending[place][0]}",
+        episode_name=lambda index: f"{sweep.source}: episode {pending[index][0]}",
         **watch | {"progress": lambda number, _: report(len(done) + number, len(sweep.overrides))},
     )
 

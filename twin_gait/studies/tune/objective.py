@@ -153,7 +153,7 @@ class Rating(NamedTuple):
     # deviations of the mean strides from the reference, over goals; their squares add up to approximately
     # the squared errors, averaged over both legs. Empty if a leg made no stride
     deviations: tuple[float, ...] = ()
-    torque: float = math.nan  # root mean square over all motors in [N m]; its square heats the windings
+    torque: float = math.nan  # root mean square over all motors in [N·m]; its square heats the windings
     joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)  # joints that the table drives
 
     @property

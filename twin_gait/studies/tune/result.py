@@ -52,8 +52,8 @@ def choose(tuning: Tuning) -> tuple[Finalist, dict[str, int]]:
         if not any(item.severity is Severity.ERROR for item in findings):
             return finalist, counts(findings)
     raise ParameterError(
-        f"table {tuning.experiment.table.name}: no candidate passes twin-gait check, nor does the table "
-        "itself; mend its errors first"
+        f"table {tuning.experiment.table.name}: no candidate passes twin-gait check, and neither does the "
+        "table itself; correct its errors first"
     )
 
 
@@ -63,9 +63,9 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     Args:
         experiment: A wearer who walks on the ground, and the table to be improved.
         workers: Processes or a cluster that execute the walks; the calling process if None.
-        **settings: Settings as of :class:`twin_gait.studies.tune.tune.Settings`: ``minutes`` for everything
-            (3), or ``generations`` of the search, with which the result does not depend on the speed of the
-            machine; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
+        **settings: Settings as of :class:`~twin_gait.studies.tune.tune.TuningSettings`: ``minutes`` for
+            everything (3), or ``generations`` of the search, with which the result does not depend on the
+            speed of the machine; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
 
     Raises:
         ParameterError: If there is nothing to tune, or no table passes the check.
@@ -89,7 +89,7 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
         "measured on a person."
     )
     if finalist.points is None:
-        origin = f"The table {start} as it was: the search found nothing better for {wearer}."
+        origin = f"The table {start} without a change: the search found no better one for {wearer}."
     table = {**finalist.table, "name": f"{start}_tuned", "description": origin}
     result = result_document(tuning, finalist, wearer) | {"check": found}
     walked = walker(tuning.experiment, duration=tuning.settings.robust_duration)
@@ -156,8 +156,8 @@ def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     for part in before.terms:
         was, now = before.values[part.name], after.values[part.name]
         costs = {"cost_before": first[part.name], "cost_after": second[part.name]}
-        told = {"before": was, "after": now, **costs, "verdict": verdict(was, now, part.goal)}
-        found.append({**asdict(part), **told})
+        values = {"before": was, "after": now, **costs, "verdict": verdict(was, now, part.goal)}
+        found.append({**asdict(part), **values})
     return found
 
 

@@ -68,18 +68,18 @@ class Descent:
         """
         reach = self.reach if self.generation % 2 == 0 else -self.reach
         found = []
-        for place, own in enumerate(self.point):
-            moved = own + reach if 0.0 <= own + reach <= 1.0 else own - reach
-            found.append([*self.point[:place], moved, *self.point[place + 1 :]])
+        for index, coordinate in enumerate(self.point):
+            moved = coordinate + reach if 0.0 <= coordinate + reach <= 1.0 else coordinate - reach
+            found.append([*self.point[:index], moved, *self.point[index + 1 :]])
         return found
 
     def update_slopes(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray]) -> None:
         """Update the slopes from the neighbours; slopes to another kind of gait count as 0."""
-        own = self.residuals
-        slopes = np.zeros((len(neighbours), len(own)))
-        for place, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
-            if len(there) and len(own) and there @ there <= OTHER_GAIT * (own @ own):
-                slopes[place] = (there - own) / (neighbour[place] - self.point[place])
+        here = self.residuals
+        slopes = np.zeros((len(neighbours), len(here)))
+        for index, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
+            if len(there) and len(here) and there @ there <= OTHER_GAIT * (here @ here):
+                slopes[index] = (there - here) / (neighbour[index] - self.point[index])
         self.slopes = slopes if self.slopes is None else MEMORY * self.slopes + (1.0 - MEMORY) * slopes
 
     def candidate_steps(self) -> list[tuple[float, list[float]]]:
@@ -90,11 +90,11 @@ class Descent:
         if not len(self.residuals) or self.slopes is None:
             return []
         point, found = np.array(self.point), []
-        wanted = np.append(-self.residuals, np.zeros(len(point)))
+        target = np.append(-self.residuals, np.zeros(len(point)))
         for damping in (factor * self.damping for factor in FACTORS):
             damped = np.vstack((self.slopes.T, damping * np.eye(len(point))))
             # The solver needs a distance between the bounds, also for a number whose range is a single value.
-            step = lsq_linear(damped, wanted, (-point - _BOUND_MARGIN, 1.0 - point + _BOUND_MARGIN)).x
+            step = lsq_linear(damped, target, (-point - _BOUND_MARGIN, 1.0 - point + _BOUND_MARGIN)).x
             for part in PARTS_OF_STEPS:
                 found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
         return found

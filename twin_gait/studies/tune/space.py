@@ -98,8 +98,8 @@ def tunable_parameters(
     for side, phases in sides.items():
         found += _impedances(phases, table.joints, ("sides", side))
     if blending and table.blending.law is not BlendingLaw.NONE:
-        place = ("blending", "duration_ms")
-        found.append(_parameter(place, float(table.blending.duration_ticks), "duration_ms"))
+        path = ("blending", "duration_ms")
+        found.append(_parameter(path, float(table.blending.duration_ticks), "duration_ms"))
     for index, item in enumerate(table.transitions if thresholds else ()):
         guard = item.guard if isinstance(item.guard, (AllOf, AnyOf)) else AllOf(guards=(item.guard,))
         found += _thresholds(guard, ("transitions", index), item.cause)
@@ -112,12 +112,12 @@ def apply_coordinates(
     """Put other numbers (coordinates from 0 to 1) into a copy of a document of :func:`editable_document`."""
     changed: Any = copy.deepcopy(dict(document))
     for parameter, coordinate in zip(parameters, coordinates, strict=True):
-        value, place = parameter.value(float(coordinate)), changed
+        value, section = parameter.value(float(coordinate)), changed
         for step in parameter.path[:-1]:
-            place = place[step]
+            section = section[step]
         whole = round(value) if parameter.digits == 0 else value
         guard = parameter.guard
-        place[parameter.path[-1]] = whole if guard is None else str(replace(guard, threshold=value))
+        section[parameter.path[-1]] = whole if guard is None else str(replace(guard, threshold=value))
     return dict(changed)
 
 

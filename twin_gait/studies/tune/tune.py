@@ -185,15 +185,15 @@ class Tuning:
         ratings += self._walk(tables[len(ratings) :], [first])
         nominal = [nominal_cost(walk) for (walk,) in ratings]
         raced = sorted(range(len(tables)), key=nominal.__getitem__)[:RACED]
-        others = self._walk([tables[place] for place in raced], corners)
-        for place, more in zip(raced, others, strict=True):
-            ratings[place] += more
-        costs = {place: weighted_cost(ratings[place]) for place in raced}
-        for place in sorted(costs, key=costs.__getitem__):
-            better = costs[place] < descent.cost
-            if better and not walks.quick_errors(replace(self.experiment, table=tables[place])):
-                damping, point = candidates[place]
-                descent.accept_step(point, costs[place], residuals(ratings[place][0]), damping)
+        others = self._walk([tables[index] for index in raced], corners)
+        for index, more in zip(raced, others, strict=True):
+            ratings[index] += more
+        costs = {index: weighted_cost(ratings[index]) for index in raced}
+        for index in sorted(costs, key=costs.__getitem__):
+            better = costs[index] < descent.cost
+            if better and not walks.quick_errors(replace(self.experiment, table=tables[index])):
+                damping, point = candidates[index]
+                descent.accept_step(point, costs[index], residuals(ratings[index][0]), damping)
                 break
         else:
             descent.reject_steps()
@@ -224,7 +224,7 @@ def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
     they are close to each other and fall in the same case.
     """
     ends = np.linspace(len(generations) - 1, 0, count).round().astype(int)
-    points = {tuple(generations[place].point): generations[place] for place in ends.tolist()}
+    points = {tuple(generations[index].point): generations[index] for index in ends.tolist()}
     return list(points.values())
 
 

@@ -83,7 +83,7 @@ def table_performance(walks: Sequence[Rating]) -> list[float | None]:
     """Compute the performance of a table over its cases, the nominal one first; smaller is better.
 
     Returns the root mean square of the nominal walk's errors of all joints in [deg] and of its motors'
-    torques in [N m], None if it fell or has no error; and the mean cost of the other walks, None without
+    torques in [N·m], None if it fell or has no error; and the mean cost of the other walks, None without
     other walks.
     """
     nominal, *others = walks
@@ -123,9 +123,9 @@ def build_cases(nominal: Experiment, kind: str) -> dict[str, Experiment]:
 
 def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
     """Apply one of the changes that ``cases.yaml`` lists to an experiment."""
-    (what, value), (walking, _) = change, walking_wearer(walked)
+    (kind, value), (walking, _) = change, walking_wearer(walked)
     plant, scenario = walked.plant, walked.scenario
-    match what:
+    match kind:
         case "mass_ratio":
             return _with_true_mass(walked, value)
         case "friction_ratio":

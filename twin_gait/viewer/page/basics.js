@@ -12,7 +12,8 @@
 // RUN, and DESCRIPTION of a live scene:
 //   {title, subtitle: [text], differing: [text], notes: [text], view: {target, direction, width, height, field_of_view},
 //    phases: [{name, label, short, colour, ink}], modes: [label], legs: [{side, label, colour, dark, shows: [key]}],
-//    parts: [{key, label, colour}], arrow: {label, colour} or null,
+//    parts: [{key, label, colour}], labels: {KIND: {name, unit}} of the kinds angle, torque, force and crutch,
+//    arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
 //    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word,
 //    walk: [[label, left, right, healthy]], a header and rows of texts, or nothing}
@@ -30,12 +31,12 @@
 // SAMPLE: {time: s, legs: [{phase: code, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}],
 // events: all events of the run so far, mode: code}, with the legs in the order of the description; curves contain all points
 // since the last sample.
-// Keys of values, JOINT being hip, knee or ankle: JOINT [deg]; JOINT_torque [N m]; JOINT_ before impedance,
-// friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force, crutch [N].
+// Keys of values, JOINT being hip, knee or ankle: JOINT [deg]; JOINT_torque [N·m]; JOINT_ before impedance,
+// friction_compensation, gravity_compensation, inertia_compensation, target [N·m]; force, crutch [N].
 // A key that is not in `shows` is not displayed; a key that is not sent is displayed as a dash.
 //
-// Interface for another script: window.twinGait = {show(sample), take(bytes), page(), stage, plots, theme, tell,
-// ready}; see start.js.
+// Interface for another script: window.twinGait = {show(sample), receive(bytes), page(), stage, plots, theme,
+// show_message, ready}; see start.js.
 "use strict";
 
 const element = (id) => document.getElementById(id);
@@ -49,13 +50,15 @@ function make(tag, name = "", text = "") {
   return made;
 }
 
+const capitalize = (text) => text.replace(/^./, (letter) => letter.toUpperCase());
+
 // Format a number with a typographic minus sign, and without a sign before zero.
 function number(value, digits) {
   const text = value.toFixed(digits);
   return (Number(text) < 0 ? "\u2212" : "") + text.replace("-", "");
 }
 
-function tell(text) {
+function show_message(text) {
   element("message").textContent = text;
   element("message").hidden = !text;
 }
@@ -78,7 +81,7 @@ function value_at({ times, values }, time) {
 }
 
 // Map a time from one list of times to another by linear interpolation and extrapolation.
-function warped(from, to, time) {
+function map_time(from, to, time) {
   const last = Math.min(from.length, to.length) - 1, k = Math.min(last_before(from, time), last - 1);
   return to[k] + ((to[k + 1] - to[k]) * (time - from[k])) / (from[k + 1] - from[k]);
 }
@@ -91,9 +94,9 @@ const theme = {
 
   get dark() { return document.documentElement.dataset.theme === "dark"; },
 
-  open(asked) {
+  open(requested) {
     const system = window.matchMedia("(prefers-color-scheme: dark)");
-    this.set(asked ? asked === "dark" : system.matches);
+    this.set(requested ? requested === "dark" : system.matches);
     system.addEventListener("change", () => this.set(system.matches));
     element("theme").onclick = () => this.set(!this.dark);
   },

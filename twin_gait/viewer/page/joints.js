@@ -12,7 +12,7 @@ const joints = {
     this.build(page.joints);
     this.stage.open();
     this.stage.floor = page.floor;
-    this.stage.take(await inflate(page.scene));
+    this.stage.receive(await inflate(page.scene));
     this.stage.paint();
     this.reset();
     this.stage.look(page.view);
@@ -36,16 +36,16 @@ const joints = {
   // Make the row of a joint; angles are in degrees, displacements in millimetres.
   row(entry, list) {
     const [factor, unit, digits] = entry.slides ? [1000, "\u202fmm", 1] : [180 / Math.PI, "°", 1];
-    const label = make("label", "joint"), slider = make("input"), told = make("output");
+    const label = make("label", "joint"), slider = make("input"), output = make("output");
     const end = (value) => make("span", "end", entry.free ? "" : number(factor * value, 0) + unit);
     Object.assign(slider, { type: "range", min: factor * entry.lower, max: factor * entry.upper, step: "any" });
-    label.append(make("span", "name", entry.name), told, end(entry.lower), slider, end(entry.upper));
+    label.append(make("span", "name", entry.name), output, end(entry.lower), slider, end(entry.upper));
     label.title = entry.name + (entry.free ? " (no limits)" : "") + (entry.mimic ? ` (follows ${entry.mimic.joint})` : "");
     slider.disabled = Boolean(entry.mimic);
     list.append(label);
     const show = (value) => {
-      told.textContent = number(factor * value, digits) + unit;
-      slider.setAttribute("aria-valuetext", told.textContent);
+      output.textContent = number(factor * value, digits) + unit;
+      slider.setAttribute("aria-valuetext", output.textContent);
       this.move(entry, value);
       this.follow(entry.name, value);
     };

@@ -49,28 +49,28 @@ const live = {
   // Show one sample, or several since the last drawing.
   show(...samples) {
     if (!this.run || !this.run.legs.length || !samples.length) return;
-    for (const sample of samples) this.note(sample);
+    for (const sample of samples) this.add_sample(sample);
     const last = samples.at(-1);
     this.page.events = last.events;
-    this.forget(last.time - LIVE_MEMORY);
+    this.remove_before(last.time - LIVE_MEMORY);
     this.head.show(last);
     plots.fit();
     plots.show(last.time);
   },
 
-  note(sample) {
-    if (sample.time < this.time) this.forget(Infinity);
+  add_sample(sample) {
+    if (sample.time < this.time) this.remove_before(Infinity);
     this.time = sample.time;
     this.run.legs.forEach((leg, index) => {
       for (const [key, series] of Object.entries(leg.series)) {
-        const news = sample.curves[index][key];
-        series.times.push(...news.times);
-        series.values.push(...news.values.map((value) => value ?? NaN));
+        const added = sample.curves[index][key];
+        series.times.push(...added.times);
+        series.values.push(...added.values.map((value) => value ?? NaN));
       }
     });
   },
 
-  forget(before) {
+  remove_before(before) {
     for (const { times, values } of this.run.legs.flatMap((leg) => Object.values(leg.series))) {
       const count = times.length && times.at(-1) < before ? times.length : last_before(times, before);
       times.splice(0, count);

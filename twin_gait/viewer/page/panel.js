@@ -1,34 +1,35 @@
-// Panel of the live page. It draws the controls that the simulation declares, sends changes, and shows their
-// results: the reason of a rejection is next to its control, which returns to the valid value.
+// Panel of the live page. It draws the controls that the simulation declares, sends changes and shows their
+// results. The reason of a rejection is next to its control, which returns to the valid value.
 // Messages are defined in twin_gait/live/protocol.py; a batch of messages is one list.
 "use strict";
 
 (() => {
   const get = (id) => document.getElementById(id);
   const TABS = [["walk", "Walk"], ["table", "Table"], ["monitor", "Monitor"], ["disturb", "Push & faults"], ["log", "Log"]];
-  const HOMES = { push: "disturb", fault: "disturb" }; // tab of a group that has no own tab
-  const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
-  const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always visible
-  const APART = [...QUICK, "request", "stop", "revert"]; // actions with their own position
+  const TAB_OF_GROUP = { push: "disturb", fault: "disturb" }; // tab of a group that does not have its own tab
+  const TAB_OF_ACTION = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action, if not that of its group
+  const ALWAYS_VISIBLE = ["walk", "pause", "step", "restart"]; // actions above the tabs
+  const NOT_IN_TABS = [...ALWAYS_VISIBLE, "request", "stop", "revert"]; // actions with their own position
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
-    fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Broken off: its process is gone",
-    silent: "No data", offline: "Not connected", connecting: "Connecting…",
+    fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Aborted: the process of the simulation has ended",
+    no_data: "No data", offline: "Not connected", connecting: "Connecting…",
   };
   // The three controls of the monitor, each with its quantities.
   const MONITOR = [
     ["friction_control", "Friction control", ["gain"]], ["torque_control", "Torque control", ["torque"]],
     ["impedance_control", "Impedance control", ["stiffness", "equilibrium", "damping"]],
   ];
-  const OVER = ["held", "fell", "diverged", "ended", "died"]; // states that only a restart can leave
-  const GONE = ["ended", "died"]; // states without a process of the simulation
-  const LOST = ["connecting", "offline", ...GONE]; // states in which nothing can be changed
+  const FINISHED = ["held", "fell", "diverged", "ended", "died"]; // states that only a restart can leave
+  const WITHOUT_PROCESS = ["ended", "died"]; // states without a process of the simulation
+  const UNAVAILABLE = ["connecting", "offline", ...WITHOUT_PROCESS]; // states in which nothing can be changed
   // Parts of the page that change something, without the emergency stop.
-  const CHANGING = ["panel-quick", "panel-requests", "panel-forecast", "panel-ask", "body-walk", "body-table", "body-monitor", "body-disturb"];
-  const SILENCE = 500, LOOK = 100, OTHER_WAY_AFTER = 250; // [ms]
-  const ANSWER_WITHIN = 130000; // [ms]; long, because a restart first writes the run of the walk
+  const CHANGING = ["panel-quick", "panel-requests", "panel-forecast", "panel-forecast-first", "body-walk", "body-table", "body-monitor", "body-disturb"];
+  const TIMEOUT = 500, CHECK_PERIOD = 100; // [ms]
+  const HTTP_AFTER = 250; // [ms], time without a reply after which a stop is also sent over HTTP
+  const REPLY_TIMEOUT = 130000; // [ms]; long, because a restart first writes the run of the walk
   const LOG_LINES = 400;
-  const USUAL_FRAME = 34, LONGEST_REST = 400; // [ms]
+  const REGULAR_FRAME = 34, LONGEST_PAUSE = 400; // [ms]
   const page = Math.random().toString(36).slice(2, 8);
 
   // ---- small helpers --------------------------------------------------------------------------------
@@ -52,42 +53,39 @@
     return text.includes("e-") ? Number(text.split("e-")[1]) : (text.split(".")[1] ?? "").length;
   }
 
-  function written(value, control) {
+  function format_value(value, control) {
     if (typeof value === "boolean") return value ? "on" : "off";
     if (typeof value !== "number") return words(String(value));
     const text = value.toFixed(decimals(control?.step)).replace("-", "\u2212");
-    return control?.unit ? `${text} ${unit(control.unit)}` : text;
+    return control?.unit ? `${text} ${control.unit}` : text;
   }
-
-  const UNITS = { deg: "°", "Nm/deg": "N·m/°", Nm: "N·m", "Nms/rad": "N·m·s/rad", "": "" };
-  const unit = (name) => UNITS[name] ?? name;
 
   // ---- connection -----------------------------------------------------------------------------------
 
   const link = {
     socket: null,
     count: 0,
-    waiting: new Map(), // handler of the answer by the id of the message
+    waiting: new Map(), // handler of the reply by the id of the message
 
     open() {
       this.socket = new WebSocket(`ws://${location.host}/panel${location.search}`);
-      this.socket.onmessage = (message) => { for (const item of JSON.parse(message.data)) hear(item); };
+      this.socket.onmessage = (message) => { for (const item of JSON.parse(message.data)) receive(item); };
       this.socket.onopen = () => get("panel").classList.remove("offline");
       this.socket.onclose = () => {
         get("panel").classList.add("offline");
-        if (!GONE.includes(head.status)) head.state("offline");
-        for (const answer of this.waiting.values()) answer(null);
+        if (!WITHOUT_PROCESS.includes(head.status)) head.set_state("offline");
+        for (const handler of this.waiting.values()) handler(null);
         this.waiting.clear();
         setTimeout(() => this.open(), 1000);
       };
     },
 
-    // Send a message; `answer` is called with the event that has its id, or with null after a timeout.
-    send(message, answer) {
+    // Send a message; `handler` is called with the event that has its id, or with null after a timeout.
+    send(message, handler) {
       const id = `${page}-${this.count += 1}`;
-      if (this.socket?.readyState !== WebSocket.OPEN) { answer(null); return; }
-      this.waiting.set(id, answer);
-      setTimeout(() => { if (this.waiting.delete(id)) answer(null); }, ANSWER_WITHIN);
+      if (this.socket?.readyState !== WebSocket.OPEN) { handler(null); return; }
+      this.waiting.set(id, handler);
+      setTimeout(() => { if (this.waiting.delete(id)) handler(null); }, REPLY_TIMEOUT);
       this.socket.send(JSON.stringify({ ...message, id, user: "" }));
     },
   };
@@ -102,7 +100,7 @@
       viewer.handle_command = (command) => {
         if (command.type === "sample") this.samples.push(command.sample); else inner(command);
       };
-      twinGait.stage.room = room;
+      twinGait.stage.visible_area = visible_area;
       this.connect();
     },
 
@@ -110,25 +108,25 @@
       const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
       socket.binaryType = "arraybuffer";
       socket.onmessage = (message) => {
-        twinGait.take(new Uint8Array(message.data));
+        twinGait.receive(new Uint8Array(message.data));
         twinGait.show(...this.samples.splice(0));
-        this.answer(socket, performance.now());
+        this.acknowledge(socket, performance.now());
       };
       socket.onclose = () => setTimeout(() => this.connect(), 1000);
     },
 
     // Without a graphics card drawing is slow; the page then waits for as long as it has drawn, so that the
     // simulation has enough processor time.
-    answer(socket, began) {
+    acknowledge(socket, start) {
       requestAnimationFrame(() => {
-        const rest = Math.min(Math.max(performance.now() - began - USUAL_FRAME, 0), LONGEST_REST);
-        setTimeout(() => { if (socket.readyState === WebSocket.OPEN) socket.send("drawn"); }, rest);
+        const pause = Math.min(Math.max(performance.now() - start - REGULAR_FRAME, 0), LONGEST_PAUSE);
+        setTimeout(() => { if (socket.readyState === WebSocket.OPEN) socket.send("drawn"); }, pause);
       });
     },
   };
 
   // Compute the part of the pane that no card covers: between the numbers and the panel.
-  function room() {
+  function visible_area() {
     const box = (node) => node.getBoundingClientRect();
     const pane = box(this.pane), free = { left: pane.left, right: pane.right, top: pane.top, bottom: pane.bottom };
     if (getComputedStyle(this.section).position === "fixed") {
@@ -143,19 +141,19 @@
     };
   }
 
-  const NO_ANSWER = { response: "refused", text: "no answer from the simulation" };
+  const NO_REPLY = { response: "refused", text: "no reply from the simulation" };
 
-  function hear(message) {
+  function receive(message) {
     if (message.kind === "page") log.open(message.session);
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
-    else if (message.kind === "state") board.take(message);
+    else if (message.kind === "state") board.update(message);
     else if (message.kind === "frame") head.frame(message);
-    else if (message.kind === "heartbeat") pulse.beat(message.time_since_message_s);
+    else if (message.kind === "heartbeat") heartbeat.receive(message.time_since_message_s);
     else if (message.kind === "event") {
       log.add(message);
-      const answer = link.waiting.get(message.id);
-      if (answer && link.waiting.delete(message.id)) answer(message);
-      else if (message.response === "refused" && message.subject === "") head.tell(message.text);
+      const handler = link.waiting.get(message.id);
+      if (handler && link.waiting.delete(message.id)) handler(message);
+      else if (message.response === "refused" && message.subject === "") head.show_message(message.text);
     }
   }
 
@@ -166,94 +164,94 @@
     events: 0, // number of faults, trips and falls of the walk
 
     // Show the state, with the cause and the joint of a trip, which follow the colon of its text.
-    state(status, events = []) {
+    set_state(status, events = []) {
       const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
-      const because = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
-      const turned = [OVER, LOST].some((list) => list.includes(this.status) !== list.includes(status));
-      if (turned || this.events !== events.length) changes.again();
+      const cause = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
+      const differs = [FINISHED, UNAVAILABLE].some((list) => list.includes(this.status) !== list.includes(status));
+      if (differs || this.events !== events.length) changes.repeat_forecast();
       if (["held", "fell"].includes(status) && status !== this.status) stopping.confirm();
-      if (OVER.includes(this.status) && !OVER.includes(status) && stopping.sent === null) stopping.tell("", "");
-      Object.assign(this, { status, because, events: events.length });
+      if (FINISHED.includes(this.status) && !FINISHED.includes(status) && stopping.sent === null) stopping.show_message("", "");
+      Object.assign(this, { status, cause, events: events.length });
       this.draw();
     },
 
     draw() {
-      const { status, because } = this, shown = pulse.silent && status !== "offline" ? "silent" : status;
-      if (this.shown === shown + because) return;
-      this.shown = shown + because;
+      const { status, cause } = this, shown = heartbeat.timed_out && status !== "offline" ? "no_data" : status;
+      if (this.shown === shown + cause) return;
+      this.shown = shown + cause;
       if (status === "died") {
-        this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
+        this.show_message("The process of the simulation has ended. The walk is saved up to the last second; the terminal prints the folder.");
         clearTimeout(this.timer);
       }
-      for (const id of CHANGING) get(id).inert = shown === "silent" || LOST.includes(status);
+      for (const id of CHANGING) get(id).inert = shown === "no_data" || UNAVAILABLE.includes(status);
       get("panel-state").dataset.state = shown;
       get("panel-state").querySelector("span").textContent =
-        shown === "walking" && board.mode ? "Running" : (STATES[shown] ?? title(shown)) + (shown === status ? because : "");
+        shown === "walking" && board.mode ? "Running" : (STATES[shown] ?? title(shown)) + (shown === status ? cause : "");
       for (const button of get("panel-quick").querySelectorAll("button")) {
         button.setAttribute("aria-pressed", String(
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
           || (button.dataset.action === "pause" && status === "paused"),
         ));
-        button.disabled = button.dataset.action !== "restart" && OVER.includes(status);
+        button.disabled = button.dataset.action !== "restart" && FINISHED.includes(status);
       }
     },
 
     frame(frame) {
-      this.state(frame.status, frame.events);
+      this.set_state(frame.status, frame.events);
       get("panel-clock").textContent = `${frame.time_s.toFixed(1)} s`;
       this.deadlines(frame.deadlines);
       board.phases(frame.phases);
       if (board.mode && frame.mode) board.mode.textContent = title(frame.mode);
     },
 
-    deadlines(counted) {
-      const kept = counted.blocks ? 100 * (1 - counted.late / counted.blocks) : 100;
-      const share = kept === 100 ? "100" : Math.min(kept, 99.99).toFixed(2);
+    deadlines(counts) {
+      const in_time = counts.blocks ? 100 * (1 - counts.late / counts.blocks) : 100;
+      const share = in_time === 100 ? "100" : Math.min(in_time, 99.99).toFixed(2);
       get("panel-deadlines").textContent = `${share} % in time`;
-      get("panel-deadlines").classList.toggle("poor", counted.blocks > 100 && kept < 99.9);
-      board.deadlines(counted);
+      get("panel-deadlines").classList.toggle("poor", counts.blocks > 100 && in_time < 99.9);
+      board.deadlines(counts);
     },
 
-    tell(text) {
+    show_message(text) {
       get("panel-message").textContent = text;
       get("panel-message").hidden = !text;
       clearTimeout(this.timer);
-      if (text) this.timer = setTimeout(() => this.tell(""), 8000);
+      if (text) this.timer = setTimeout(() => this.show_message(""), 8000);
     },
   };
 
-  // A stop is sent over the socket and, without a fast answer, also over HTTP. The page shows its confirmation.
+  // A stop is sent over the socket and, without a fast reply, also over HTTP. The page shows its confirmation.
   const stopping = {
     sent: null, // time of the first unconfirmed press
 
     press() {
       this.sent ??= performance.now();
-      this.tell("Stop sent", "sent");
+      this.show_message("Stop sent", "sent");
       get("stop").classList.add("pressed");
       setTimeout(() => get("stop").classList.remove("pressed"), 600);
-      const otherWay = () => fetch(`/stop${location.search}`, { method: "POST" }).then((answer) => { if (answer.ok) this.confirm(); }).catch(() => {});
-      const timer = setTimeout(otherWay, OTHER_WAY_AFTER);
+      const send_over_http = () => fetch(`/stop${location.search}`, { method: "POST" }).then((reply) => { if (reply.ok) this.confirm(); }).catch(() => {});
+      const timer = setTimeout(send_over_http, HTTP_AFTER);
       link.send({ kind: "do", action: "stop", values: {} }, (event) => {
         clearTimeout(timer);
         if (event?.response === "applied") this.confirm();
-        else if (event) { this.sent = null; this.tell(`Stop is refused: ${event.text}`, "missing"); } else otherWay();
+        else if (event) { this.sent = null; this.show_message(`Stop was rejected: ${event.text}`, "missing"); } else send_over_http();
       });
     },
 
     confirm() {
       if (this.sent === null) return;
-      this.tell(`Stop confirmed after ${((performance.now() - this.sent) / 1000).toFixed(2)} s`, "confirmed");
+      this.show_message(`Stop confirmed after ${((performance.now() - this.sent) / 1000).toFixed(2)} s`, "confirmed");
       this.sent = null;
     },
 
     // Show a stop that is not confirmed in time in red; called periodically.
-    look(now) {
-      if (this.sent === null || now - this.sent <= SILENCE) return;
+    check(now) {
+      if (this.sent === null || now - this.sent <= TIMEOUT) return;
       const passed = Math.max(0.5, Math.floor((now - this.sent) / 1000));
-      this.tell(`Stop is not confirmed for ${passed} s. If the simulation does not answer, end it with Ctrl-C in the terminal.`, "missing");
+      this.show_message(`Stop has not been confirmed for ${passed} s. If the simulation does not respond, end it with Ctrl-C in the terminal.`, "missing");
     },
 
-    tell(text, kind) {
+    show_message(text, kind) {
       if (get("stop-state").textContent === text) return;
       get("stop-state").textContent = text;
       get("stop-state").hidden = !text;
@@ -263,34 +261,34 @@
 
   // ---- heartbeat: time since the last message of the simulation -----------------------------------------
 
-  const pulse = {
+  const heartbeat = {
     simulation: performance.now(), // time of the last message of the simulation
     server: performance.now(), // time of the last heartbeat of the server
-    looked: performance.now(),
-    silent: false,
+    checked: performance.now(), // time of the last check
+    timed_out: false,
 
-    beat(silence) {
+    receive(time_since_message) {
       this.server = performance.now();
-      this.simulation = this.server - 1000 * silence;
-      this.look();
+      this.simulation = this.server - 1000 * time_since_message;
+      this.check();
     },
 
-    look() {
-      const now = performance.now(), passed = now - this.simulation, stood = now - this.looked;
-      this.looked = now;
-      stopping.look(now);
-      if (stood > SILENCE) return; // the page itself was suspended, and messages may be waiting
-      // A silence alone does not invalidate a forecast: one that takes longer than the next silence would never end.
-      this.silent = passed > SILENCE && !GONE.includes(head.status);
-      document.body.classList.toggle("silent", this.silent);
-      get("no-data").hidden = !this.silent;
-      if (this.silent) this.tell(`No data for ${Math.max(0.5, Math.floor(passed / 1000))} s`, now);
+    check() {
+      const now = performance.now(), passed = now - this.simulation, suspended = now - this.checked;
+      this.checked = now;
+      stopping.check(now);
+      if (suspended > TIMEOUT) return; // the page itself was suspended, and messages may be waiting
+      // A timeout alone does not invalidate a forecast: one that takes longer than the time to the next timeout would never end.
+      this.timed_out = passed > TIMEOUT && !WITHOUT_PROCESS.includes(head.status);
+      document.body.classList.toggle("without-data", this.timed_out);
+      get("no-data").hidden = !this.timed_out;
+      if (this.timed_out) this.show_message(`No data for ${Math.max(0.5, Math.floor(passed / 1000))} s`, now);
       head.draw();
     },
 
-    tell(text, now) {
+    show_message(text, now) {
       const reason = link.socket.readyState !== WebSocket.OPEN ? "The page is not connected to the program."
-        : now - this.server > SILENCE ? "The program does not answer." : "The process of the simulation does not answer.";
+        : now - this.server > TIMEOUT ? "The program does not respond." : "The process of the simulation does not respond.";
       if (get("no-data").textContent !== text + reason) get("no-data").replaceChildren(make("strong", {}, text), make("span", {}, reason));
     },
   };
@@ -301,18 +299,18 @@
     waiting: new Map(), // {value, reverts} of every change of the list by row, in the order of the edits
     edits: [], // [row, change] that wait for their forecast; a row of null repeats the forecast of the list
     event: null, // forecast of the list; null if there is none
-    refusal: "", // reason of the rejection of the list
+    rejection: "", // reason of the rejection of the list
     busy: false,
-    trying: null, // row whose change is being forecast
-    count: 0, // number of lists, so that an answer to an earlier list is ignored
+    current: null, // row whose change is being forecast
+    count: 0, // number of lists, so that a reply to an earlier list is ignored
 
-    asks() { return get("panel-ask").querySelector("input").checked; },
+    forecasts_first() { return get("panel-forecast-first").querySelector("input").checked; },
 
     add(row, change) {
-      row.refuse("");
+      row.show_rejection("");
       if (!change.reverts && change.value === row.control.value && !this.edits.length) { this.remove(row); return; }
-      row.tried = change.value;
-      row.show_tried(change.value);
+      row.pending_value = change.value;
+      row.show_pending(change.value);
       row.node.classList.add("pending");
       this.edits.push([row, change]);
       this.next();
@@ -324,16 +322,16 @@
       const [row, change] = this.edits.shift(), list = new Map(this.waiting), number = this.count;
       if (row) { list.delete(row); list.set(row, change); }
       if (!list.size) { this.next(); return; }
-      Object.assign(this, { busy: true, trying: row });
+      Object.assign(this, { busy: true, current: row });
       this.draw();
       link.send({ kind: "try", changes: this.values(list) }, (event) => {
         if (number !== this.count) return;
-        const made = event?.response === "forecast", kept = row && this.trying === row;
-        Object.assign(this, { busy: false, trying: null });
+        const made = event?.response === "forecast", kept = row && this.current === row;
+        Object.assign(this, { busy: false, current: null });
         if (row && !this.edits.some(([other]) => other === row)) row.node.classList.remove("pending");
-        if (made) Object.assign(this, { event, refusal: "" });
+        if (made) Object.assign(this, { event, rejection: "" });
         if (made && kept) { this.waiting.delete(row); this.waiting.set(row, change); }
-        else if (kept) { this.back(row); row.refuse((event ?? NO_ANSWER).text); } else if (!made && !row) this.refusal = (event ?? NO_ANSWER).text;
+        else if (kept) { this.restore(row); row.show_rejection((event ?? NO_REPLY).text); } else if (!made && !row) this.rejection = (event ?? NO_REPLY).text;
         this.next();
       });
     },
@@ -341,7 +339,7 @@
     values(list) { return Object.fromEntries([...list].map(([row, { value, reverts }]) => [row.control.name, reverts ? null : value])); },
 
     // Repeat the forecast after its assumptions have changed; nothing can be applied before it ends.
-    again() {
+    repeat_forecast() {
       if (!this.waiting.size && !this.busy) return;
       this.event = null;
       if (!this.edits.some(([row]) => row === null)) this.edits.push([null, null]);
@@ -350,10 +348,10 @@
 
     remove(row) {
       this.edits = this.edits.filter(([other]) => other !== row);
-      const listed = this.waiting.delete(row) || this.trying === row;
-      if (this.trying === row) this.trying = null;
-      this.back(row);
-      if (!this.waiting.size && !this.edits.length && !this.busy) this.close(); else if (listed) this.again(); else this.draw();
+      const listed = this.waiting.delete(row) || this.current === row;
+      if (this.current === row) this.current = null;
+      this.restore(row);
+      if (!this.waiting.size && !this.edits.length && !this.busy) this.close(); else if (listed) this.repeat_forecast(); else this.draw();
     },
 
     apply() {
@@ -363,28 +361,28 @@
       link.send({ kind: "set", changes: this.values(list) }, (event) => {
         if (number !== this.count) return;
         const applied = event?.response === "applied";
-        Object.assign(this, { busy: false, event: null, refusal: applied ? "" : (event ?? NO_ANSWER).text });
-        if (applied) { this.waiting = new Map(); for (const row of list.keys()) this.back(row); }
+        Object.assign(this, { busy: false, event: null, rejection: applied ? "" : (event ?? NO_REPLY).text });
+        if (applied) { this.waiting = new Map(); for (const row of list.keys()) this.restore(row); }
         this.next();
       });
     },
 
     // Set the control to its change in the list, or else to its valid value.
-    back(row) {
+    restore(row) {
       row.node.classList.remove("pending");
-      row.tried = this.waiting.get(row)?.value;
-      if (row.tried === undefined) row.show(row.control.value); else row.show_tried(row.tried);
+      row.pending_value = this.waiting.get(row)?.value;
+      if (row.pending_value === undefined) row.show(row.control.value); else row.show_pending(row.pending_value);
     },
 
     close() {
-      const rows = [...this.waiting.keys(), ...this.edits.map(([row]) => row).filter((row) => row), ...this.board_rows()];
+      const rows = [...this.waiting.keys(), ...this.edits.map(([row]) => row).filter((row) => row), ...this.pending_rows()];
       this.count += 1;
-      Object.assign(this, { waiting: new Map(), edits: [], event: null, refusal: "", busy: false, trying: null });
-      for (const row of rows) this.back(row);
+      Object.assign(this, { waiting: new Map(), edits: [], event: null, rejection: "", busy: false, current: null });
+      for (const row of rows) this.restore(row);
       this.draw();
     },
 
-    board_rows() { return [...board.rows.values()].filter((row) => row.tried !== undefined); },
+    pending_rows() { return [...board.rows.values()].filter((row) => row.pending_value !== undefined); },
 
     draw() {
       for (const row of board.rows.values()) row.node.classList.toggle("waiting", this.waiting.has(row));
@@ -392,29 +390,29 @@
       box.hidden = !count && settled;
       if (box.hidden) return;
       const button = (label, name, onclick, disabled) => make("button", { type: "button", dataset: { forecast: name }, onclick, disabled }, label);
-      const found = settled && !this.refusal ? this.event?.forecast : null, all = count > 1 ? " all" : "";
-      box.classList.toggle("bad", Boolean(this.refusal || found?.bad));
+      const found = settled && !this.rejection ? this.event?.forecast : null, all = count > 1 ? " all" : "";
+      box.classList.toggle("bad", Boolean(this.rejection || found?.bad));
       box.replaceChildren(
         make("ul", { className: "list" }, ...[...this.waiting].map(([row, change]) => this.line(row, change))),
-        make("p", { className: "comes" }, this.refusal || (found ? title(found.text) : "The forecast is being made…")),
-        ...(found?.warnings ?? []).map((text) => make("p", { className: "warns" }, `Unusual: ${text}`)),
+        make("p", { className: "result" }, this.rejection || (found ? title(found.text) : "The forecast is being computed…")),
+        ...(found?.warnings ?? []).map((text) => make("p", { className: "warning" }, `Unusual: ${text}`)),
         make("p", { className: "numbers" }, found ? this.numbers(found) : ""),
         button(`Discard${all}`, "discard", () => this.close(), false),
         button(`Apply${all}${found?.bad ? " anyway" : ""}`, "apply", () => this.apply(), !found));
     },
 
     line(row, { value }) {
-      const place = board.place(row.control), button = make("button", { type: "button", className: "remove", onclick: () => this.remove(row) }, "\u00d7");
-      button.setAttribute("aria-label", `${place}: remove this change`);
+      const name = board.full_name(row.control), button = make("button", { type: "button", className: "remove", onclick: () => this.remove(row) }, "\u00d7");
+      button.setAttribute("aria-label", `${name}: remove this change`);
       return make("li", { dataset: { change: row.control.name } },
-        make("span", {}, `${place}: ${written(row.control.value, row.control)} → ${written(value, row.control)}`), button);
+        make("span", {}, `${name}: ${format_value(row.control.value, row.control)} → ${format_value(value, row.control)}`), button);
     },
 
     numbers({ rmse_deg, saturated_share }) {
-      const off = Object.entries(rmse_deg).filter(([, value]) => value !== null)
+      const errors = Object.entries(rmse_deg).filter(([, value]) => value !== null)
         .map(([joint, value]) => `${words(joint)} ${value.toFixed(1)}°`).join(", ");
-      return [`As of ${(this.event.tick / 1000).toFixed(1)} s`, off && `RMS off the reference: ${off}`,
-        `worst joint at a limit ${(100 * saturated_share).toFixed(1)} % of the time`].filter(Boolean).join("; ");
+      return [`Forecast made at ${(this.event.tick / 1000).toFixed(1)} s`, errors && `RMS error against healthy gait: ${errors}`,
+        `worst joint at a motor limit for ${(100 * saturated_share).toFixed(1)} % of the time`].filter(Boolean).join("; ");
     },
   };
 
@@ -426,14 +424,14 @@
       this.control = control;
       this.setter = setter; // null for a field of an action, because its value is sent with the action
       this.id = `control-${control.name.replace(/[^\w]/g, "-")}${setter ? "" : "-field"}`;
-      this.refusal = make("p", { className: "refusal", id: `${this.id}-refusal`, hidden: true, role: "alert" });
+      this.rejection = make("p", { className: "rejection", id: `${this.id}-rejection`, hidden: true, role: "alert" });
       this.input = this.entry();
       const side = control.side && control.group === "table" ? `${title(control.side)} ` : "";
       const label = make("label", { htmlFor: this.id, title: control.help }, side, title(control.label || control.name));
-      if (control.unit) label.append(" ", make("span", { className: "unit" }, unit(control.unit)));
+      if (control.unit) label.append(" ", make("span", { className: "unit" }, control.unit));
       this.node = make("div", { className: `control ${control.kind}`, dataset: { control: control.name } }, label, this.input);
-      if (setter) this.node.append(this.revert = this.back());
-      this.node.append(this.refusal);
+      if (setter) this.node.append(this.revert = this.revert_button());
+      this.node.append(this.rejection);
       this.show(control.value);
     }
 
@@ -450,17 +448,17 @@
       const { minimum, maximum, step } = this.control;
       this.box = make("input", {
         type: "number", id: this.id, step: "any", inputMode: "decimal", autocomplete: "off",
-        title: minimum === null ? "" : `${written(minimum, this.control)} to ${written(maximum, this.control)}`,
+        title: minimum === null ? "" : `${format_value(minimum, this.control)} to ${format_value(maximum, this.control)}`,
       });
-      this.box.setAttribute("aria-describedby", this.refusal.id);
-      this.box.onchange = () => this.typed();
+      this.box.setAttribute("aria-describedby", this.rejection.id);
+      this.box.onchange = () => this.read_text();
       const parts = [];
-      const nudge = (sign, text) => make("button", {
-        type: "button", className: "nudge", dataset: { nudge: String(sign) },
-        title: `${written(step, this.control)} ${sign < 0 ? "less" : "more"}`,
-        onclick: () => this.set(Number(((this.tried ?? this.held) + sign * step).toFixed(9))),
+      const step_button = (sign, text) => make("button", {
+        type: "button", className: "step", dataset: { step: String(sign) },
+        title: `${format_value(step, this.control)} ${sign < 0 ? "less" : "more"}`,
+        onclick: () => this.set(Number(((this.pending_value ?? this.valid_value) + sign * step).toFixed(9))),
       }, text);
-      if (this.control.group === "monitor" && step) parts.push(nudge(-1, "\u2212"), this.box, nudge(1, "+"));
+      if (this.control.group === "monitor" && step) parts.push(step_button(-1, "\u2212"), this.box, step_button(1, "+"));
       else parts.push(this.box);
       if (minimum !== null && maximum !== null) {
         this.slider = make("input", { type: "range", min: minimum, max: maximum, step: step ?? "any", tabIndex: 0 });
@@ -478,16 +476,16 @@
 
     choice() {
       this.box = make("select", { id: this.id });
-      this.offer(this.control.choices);
+      this.set_options(this.control.choices);
       this.box.onchange = () => this.set(this.box.value);
       return this.box;
     }
 
     // Set the options of a choice; a selected option is kept if it still exists.
-    offer(names) {
-      const chosen = this.box.value;
+    set_options(names) {
+      const selected = this.box.value;
       this.box.replaceChildren(...names.map((name) => make("option", { value: name }, name ? title(name) : "–")));
-      if (names.includes(chosen)) this.box.value = chosen;
+      if (names.includes(selected)) this.box.value = selected;
       this.box.disabled = names.length < 2;
     }
 
@@ -497,10 +495,10 @@
       return this.box;
     }
 
-    back() {
+    revert_button() {
       const button = make("button", { type: "button", className: "back" }, "↺");
-      button.onclick = () => this.change({ value: this.control.default, reverts: true }, (answer) => link.send(
-        { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
+      button.onclick = () => this.change({ value: this.control.default, reverts: true }, (handler) => link.send(
+        { kind: "do", action: "revert", values: { control: this.control.name } }, handler));
       button.setAttribute("aria-label", `${this.control.label || this.control.name}: back to the preset`);
       return button;
     }
@@ -509,9 +507,9 @@
     typing() { return document.activeElement === this.box && this.box.value !== this.shown; }
 
     // Send a typed number. Text that is not a number is sent unchanged, and the simulation returns the error.
-    typed() {
+    read_text() {
       const text = this.box.value.trim();
-      if (text === "") this.show(this.held);
+      if (text === "") this.show(this.valid_value);
       else this.set(Number.isFinite(Number(text)) ? Number(text) : text);
     }
 
@@ -522,17 +520,17 @@
 
     set(value) {
       if (!this.setter) { if (this.control.kind === "number") this.show(value); return; }
-      this.change({ value, reverts: false }, (answer) => this.setter(value, answer));
+      this.change({ value, reverts: false }, (handler) => this.setter(value, handler));
     }
 
     // Apply a change immediately, or add it to the list of waiting changes.
     change(change, send) {
-      if (changes.asks()) { changes.add(this, change); return; }
-      if (this.tried !== undefined) changes.remove(this);
-      this.ask(send);
+      if (changes.forecasts_first()) { changes.add(this, change); return; }
+      if (this.pending_value !== undefined) changes.remove(this);
+      this.apply(send);
     }
 
-    show_tried(value) {
+    show_pending(value) {
       if (this.control.kind === "switch") this.box.checked = Boolean(value);
       else if (this.control.kind === "choice") this.box.value = value;
       else if (this.control.kind === "number" && typeof value === "number") {
@@ -542,27 +540,27 @@
     }
 
     // Send the value, and show the result: the new value, or the old one and the reason.
-    ask(send) {
+    apply(send) {
       this.node.classList.add("pending");
-      this.refuse("");
+      this.show_rejection("");
       send((event) => {
-        const told = event ?? NO_ANSWER;
+        const reply = event ?? NO_REPLY;
         this.node.classList.remove("pending");
-        if (told.response !== "applied") this.refuse(told.text);
-        else if (told.value !== null) this.control.value = told.value;
+        if (reply.response !== "applied") this.show_rejection(reply.text);
+        else if (reply.value !== null) this.control.value = reply.value;
         this.show(this.control.value);
       });
     }
 
-    take(control) {
+    update(control) {
       this.control = control;
-      const busy = this.node.classList.contains("pending") || this.tried !== undefined;
+      const busy = this.node.classList.contains("pending") || this.pending_value !== undefined;
       if (!busy && !this.dragging && !this.typing()) this.show(control.value);
       this.mark();
     }
 
     show(value) {
-      this.held = value;
+      this.valid_value = value;
       if (this.control.kind === "switch") this.box.checked = Boolean(value);
       else if (this.control.kind === "number") {
         this.box.value = value.toFixed(decimals(this.control.step));
@@ -577,51 +575,51 @@
       this.node.classList.toggle("changed", Boolean(changed));
       if (!this.revert) return;
       this.revert.disabled = !changed;
-      this.revert.title = `Preset: ${written(this.control.default, this.control)}`;
+      this.revert.title = `Preset: ${format_value(this.control.default, this.control)}`;
     }
 
-    refuse(text) {
-      this.refusal.textContent = text;
-      this.refusal.hidden = !text;
+    show_rejection(text) {
+      this.rejection.textContent = text;
+      this.rejection.hidden = !text;
     }
   }
 
   // ---- an action and its fields -----------------------------------------------------------------------
 
-  class Deed {
+  class Action {
     constructor(spec) {
       this.spec = spec;
       this.fields = spec.fields.map((field) => new Row(field, null));
       this.button = make("button", { type: "button", dataset: { action: spec.action }, title: spec.help }, title(spec.label));
-      this.button.onclick = () => this.do();
-      this.answer = make("p", { className: "refusal", hidden: true, role: "alert" });
-      this.node = make("fieldset", { className: "deed" }, make("legend", {}, title(spec.label)),
-        spec.help ? make("p", { className: "help" }, spec.help) : "", ...this.fields.map((row) => row.node), this.button, this.answer);
+      this.button.onclick = () => this.send();
+      this.result = make("p", { className: "rejection", hidden: true, role: "alert" });
+      this.node = make("fieldset", { className: "action" }, make("legend", {}, title(spec.label)),
+        spec.help ? make("p", { className: "help" }, spec.help) : "", ...this.fields.map((row) => row.node), this.button, this.result);
       this.node.classList.toggle("plain", !spec.fields.length);
       for (const row of this.fields) {
         const other = this.fields.find((one) => one.control.name === row.control.depends_on);
-        const offer = () => row.offer(row.control.choices_by_value[other.value()]);
-        if (other) { other.box.addEventListener("change", offer); offer(); }
+        const update_options = () => row.set_options(row.control.choices_by_value[other.value()]);
+        if (other) { other.box.addEventListener("change", update_options); update_options(); }
       }
     }
 
-    do() {
+    send() {
       const values = Object.fromEntries(this.fields.map((row) => [row.control.name, row.value()]));
       this.button.classList.add("pending");
-      this.say("");
+      this.show_result("");
       link.send({ kind: "do", action: this.spec.action, values }, (event) => {
         this.button.classList.remove("pending");
-        const told = event ?? NO_ANSWER;
-        if (told.response === "applied") this.say(told.text, "done"); else this.say(told.text);
+        const reply = event ?? NO_REPLY;
+        if (reply.response === "applied") this.show_result(reply.text, "done"); else this.show_result(reply.text);
       });
     }
 
-    say(text, kind = "") {
-      const quick = QUICK.includes(this.spec.action);
-      if (quick) { if (kind !== "done") head.tell(text); return; }
-      this.answer.textContent = text;
-      this.answer.hidden = !text;
-      this.answer.classList.toggle("done", kind === "done");
+    show_result(text, kind = "") {
+      const in_head = ALWAYS_VISIBLE.includes(this.spec.action);
+      if (in_head) { if (kind !== "done") head.show_message(text); return; }
+      this.result.textContent = text;
+      this.result.hidden = !text;
+      this.result.classList.toggle("done", kind === "done");
     }
   }
 
@@ -629,43 +627,43 @@
 
   const board = {
     rows: new Map(),
-    deeds: new Map(),
+    actions: new Map(),
     state: null,
     colours: new Map(), // colours of the phases by name
     phase: null,
     joint: null,
 
-    take(state) {
+    update(state) {
       const same = this.state && this.state.experiment === state.experiment
         && this.state.controls.length === state.controls.length;
       const changed = same && state.controls.some((control, index) => control.value !== this.state.controls[index].value);
       this.state = state;
       if (!same) this.build();
-      for (const control of state.controls) this.rows.get(control.name)?.take(control);
+      for (const control of state.controls) this.rows.get(control.name)?.update(control);
       this.compare();
-      if (changed) changes.again();
+      if (changed) changes.repeat_forecast();
     },
 
     build() {
       changes.close();
       this.rows.clear();
-      this.deeds.clear();
+      this.actions.clear();
       tabs.clear();
       for (const control of this.state.controls) {
-        this.rows.set(control.name, new Row(control, (value, answer) =>
-          link.send({ kind: "set", control: control.name, value }, answer)));
+        this.rows.set(control.name, new Row(control, (value, handler) =>
+          link.send({ kind: "set", control: control.name, value }, handler)));
       }
-      for (const spec of this.state.actions) this.deeds.set(spec.action, new Deed(spec));
+      for (const spec of this.state.actions) this.actions.set(spec.action, new Action(spec));
       head.shown = null;
-      get("panel-quick").replaceChildren(...QUICK.filter((name) => this.deeds.has(name)).map((name) => this.deeds.get(name).button));
-      this.requests(this.deeds.get("request")?.spec);
+      get("panel-quick").replaceChildren(...ALWAYS_VISIBLE.filter((name) => this.actions.has(name)).map((name) => this.actions.get(name).button));
+      this.requests(this.actions.get("request")?.spec);
       this.table();
       this.monitor();
       for (const control of this.state.controls) {
         if (!["table", "monitor"].includes(control.group)) tabs.body(control.group).append(this.rows.get(control.name).node);
       }
-      for (const [name, deed] of this.deeds) {
-        if (!APART.includes(name)) tabs.body(PLACES[name] ?? deed.spec.group).append(deed.node);
+      for (const [name, action] of this.actions) {
+        if (!NOT_IN_TABS.includes(name)) tabs.body(TAB_OF_ACTION[name] ?? action.spec.group).append(action.node);
       }
       tabs.body("walk").append(this.statistics = make("dl", { id: "panel-statistics" }));
     },
@@ -675,12 +673,12 @@
       get("panel-requests").hidden = !spec;
       if (!spec) return;
       this.mode = make("strong", {});
-      const ask = (name) => link.send({ kind: "do", action: "request", values: { request: name } }, (event) => {
-        const told = event ?? NO_ANSWER;
-        head.tell(told.response === "applied" ? "" : `${title(name)} is refused: ${words(told.text)}`);
+      const request = (name) => link.send({ kind: "do", action: "request", values: { request: name } }, (event) => {
+        const reply = event ?? NO_REPLY;
+        head.show_message(reply.response === "applied" ? "" : `${title(name)} was rejected: ${words(reply.text)}`);
       });
       get("panel-requests").replaceChildren(make("p", { title: spec.help }, "Mode ", this.mode),
-        ...spec.fields[0].choices.map((name) => make("button", { type: "button", dataset: { request: name }, onclick: () => ask(name) }, title(name))));
+        ...spec.fields[0].choices.map((name) => make("button", { type: "button", dataset: { request: name }, onclick: () => request(name) }, title(name))));
     },
 
     // Draw the table, one phase at a time: chips for the phases, one column for each joint.
@@ -708,19 +706,19 @@
 
     // Draw the monitor, one joint at a time: the controller of the joints, and a section for each of the controls.
     monitor() {
-      const own = this.state.controls.filter((one) => one.group === "monitor");
-      const joints = [...new Set(own.filter((one) => one.joint).map((one) => `${one.side} ${one.joint}`))];
+      const controls = this.state.controls.filter((one) => one.group === "monitor");
+      const joints = [...new Set(controls.filter((one) => one.joint).map((one) => `${one.side} ${one.joint}`))];
       const quantity = (one) => one.name.split(".").pop();
       this.joints = new Map(joints.map((name) => {
         const chip = make("button", { type: "button", className: "chip plain", dataset: { joint: name } }, title(name), make("i", { className: "dot" }));
         chip.onclick = () => this.choose_joint(name);
         const sheet = make("div", { className: "controls-of-joint" }, ...MONITOR.map(([mode, label, quantities]) => {
-          const rows = quantities.flatMap((what) => own.filter((one) => `${one.side} ${one.joint}` === name && quantity(one) === what));
+          const rows = quantities.flatMap((wanted) => controls.filter((one) => `${one.side} ${one.joint}` === name && quantity(one) === wanted));
           return make("section", { className: "monitor", dataset: { mode } }, make("h3", {}, label), ...rows.map((one) => this.rows.get(one.name).node));
         }));
         return [name, { chip, sheet }];
       }));
-      const loose = own.filter((one) => !one.joint).map((one) => this.rows.get(one.name).node);
+      const loose = controls.filter((one) => !one.joint).map((one) => this.rows.get(one.name).node);
       const parts = [...this.joints.values()];
       tabs.body("monitor").append(...loose, make("div", {
         className: "chips of-joints", style: { "--columns": joints.length > 4 ? 3 : 4 }, role: "group", aria: { label: "Joint" },
@@ -764,41 +762,41 @@
       table.createTHead().append(make("tr", {}, ...["", "Preset", "Now", ""].map((text) => make("th", {}, text))));
       table.createTBody().append(...changed.map((one) => this.difference(one)));
       this.differences.append(make("div", { className: "scroll" }, table));
-      if (this.deeds.has("revert")) this.differences.append(this.revert_all());
+      if (this.actions.has("revert")) this.differences.append(this.revert_all());
     },
 
-    // Return the position of a control on the page as text.
-    place(one) {
-      const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
-      return place ? `${title(place)}: ${one.label.replace("θ0", "θ₀")}` : title(one.label);
+    // Return the name of a control with its phase and joint.
+    full_name(one) {
+      const location = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
+      return location ? `${title(location)}: ${one.label.replace("θ0", "θ₀")}` : title(one.label);
     },
 
     difference(one) {
-      const place = this.place(one);
+      const name = this.full_name(one);
       const back = make("button", { type: "button", className: "back", title: "Back to the preset" }, "↺");
-      back.setAttribute("aria-label", `${place}: back to the preset`);
+      back.setAttribute("aria-label", `${name}: back to the preset`);
       back.onclick = () => this.rows.get(one.name).revert.click();
       return make("tr", { dataset: { difference: one.name } },
-        make("td", {}, place),
-        make("td", {}, written(one.default, one)), make("td", {}, written(one.value, one)), make("td", {}, back));
+        make("td", {}, name),
+        make("td", {}, format_value(one.default, one)), make("td", {}, format_value(one.value, one)), make("td", {}, back));
     },
 
     revert_all() {
       const button = make("button", { type: "button", id: "revert-all" }, "Revert all");
-      const answer = make("p", { className: "refusal", role: "alert", hidden: true });
+      const rejection = make("p", { className: "rejection", role: "alert", hidden: true });
       button.onclick = () => link.send({ kind: "do", action: "revert", values: { control: "all" } }, (event) => {
-        const told = event ?? NO_ANSWER;
-        answer.textContent = told.text;
-        answer.hidden = told.response === "applied";
+        const reply = event ?? NO_REPLY;
+        rejection.textContent = reply.text;
+        rejection.hidden = reply.response === "applied";
       });
-      return make("div", {}, button, answer);
+      return make("div", {}, button, rejection);
     },
 
-    deadlines(counted) {
+    deadlines(counts) {
       if (!this.statistics) return;
       const entries = [
-        ["Blocks of 10 ms", String(counted.blocks)], ["Late by more than 10 ms", String(counted.late)],
-        ["Worst", `${counted.worst_ms.toFixed(1)} ms`], ["Time given up", `${counted.lost_s.toFixed(2)} s`],
+        ["Blocks of 10 ms", String(counts.blocks)], ["Late by more than 10 ms", String(counts.late)],
+        ["Largest delay", `${counts.worst_ms.toFixed(1)} ms`], ["Skipped time", `${counts.lost_s.toFixed(2)} s`],
       ];
       if (this.statistics.childElementCount !== entries.length) {
         this.statistics.replaceChildren(...entries.map(([name]) => make("div", {}, make("dt", {}, name), make("dd", {}))));
@@ -821,7 +819,7 @@
       this.open("walk");
     },
 
-    body(group) { return get(`body-${HOMES[group] ?? group}`) ?? get("body-walk"); },
+    body(group) { return get(`body-${TAB_OF_GROUP[group] ?? group}`) ?? get("body-walk"); },
 
     clear() { for (const [name] of TABS) if (name !== "log") get(`body-${name}`).replaceChildren(); },
 
@@ -871,7 +869,7 @@
       const line = make("li", { className: event.response, dataset: { tick: String(event.tick), response: event.response } },
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
-        make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.response) ? event.response : ""].filter(Boolean).join(" · ")));
+        make("small", {}, [`tick ${event.tick}`, event.user, { refused: "rejected", forecast: "forecast" }[event.response]].filter(Boolean).join(" · ")));
       if (event.subject === "restart" && event.response === "applied") this.walks += 1;
       const list = body.querySelector("ol"), { walks: walk } = this, { tick } = event;
       Object.assign(line, { walk, tick });
@@ -898,6 +896,6 @@
   measure(get("panel-foot"), "--foot", "height");
   link.open();
   view.open();
-  setInterval(() => pulse.look(), LOOK);
-  window.livePanel = { link, board, log, head, view, stopping, pulse, changes };
+  setInterval(() => heartbeat.check(), CHECK_PERIOD);
+  window.livePanel = { link, board, log, head, view, stopping, heartbeat, changes };
 })();

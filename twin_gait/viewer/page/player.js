@@ -12,25 +12,25 @@ const player = {
     for (const [index, data] of page.runs.entries()) await this.add(data, pair ? "AB"[index] : "");
     this.by_stride = this.has_strides();
     this.align();
-    const asked = address.read();
-    this.speeds(asked.speed);
+    const requested = address.read();
+    this.speeds(requested.speed);
     document.title = this.runs.map((run) => run.page.title).join(" | ");
     plots.onseek = (time) => { this.pause(); this.seek(time); };
     this.controls();
-    this.seek(asked.time ?? 0, false);
+    this.seek(requested.time ?? 0, false);
     this.stages.forEach((stage, index) => stage.look(this.runs[index].page.view));
     const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
-    if (asked.time === null && !calm && !asked.picture) this.play();
+    if (requested.time === null && !calm && !requested.picture) this.play();
     requestAnimationFrame((now) => this.tick(now));
   },
 
   has_strides() { return this.runs.length > 1 && this.runs.every((run) => run.page.strides); },
 
   // Convert the time of a run to the common clock, and back.
-  shared(run, time) { return run === this.runs[0] || !this.by_stride ? time : warped(run.page.strides.starts, this.runs[0].page.strides.starts, time); },
+  shared(run, time) { return run === this.runs[0] || !this.by_stride ? time : map_time(run.page.strides.starts, this.runs[0].page.strides.starts, time); },
   own(run, time) {
     if (run === this.runs[0] || !this.by_stride) return time;
-    return Math.round(1e6 * warped(this.runs[0].page.strides.starts, run.page.strides.starts, time)) / 1e6;
+    return Math.round(1e6 * map_time(this.runs[0].page.strides.starts, run.page.strides.starts, time)) / 1e6;
   },
 
   // Convert all data that are drawn over time to the common clock.
@@ -74,7 +74,7 @@ const player = {
     run.scales = this.scales(run);
     stage.open();
     stage.floor = page.floor;
-    stage.take(await inflate(page.scene));
+    stage.receive(await inflate(page.scene));
     stage.viewer.animator.pause();
     stage.paint();
   },
@@ -98,14 +98,14 @@ const player = {
     return [...found, ...events].sort((a, b) => a.time - b.time);
   },
 
-  speeds(asked) {
-    const values = [...new Set([...SPEEDS, ...(asked ? [asked] : [])])].sort((a, b) => a - b);
+  speeds(requested) {
+    const values = [...new Set([...SPEEDS, ...(requested ? [requested] : [])])].sort((a, b) => a - b);
     element("speed").replaceChildren(...values.map((value) => {
       const option = make("option", "", `${value}×`);
       option.value = String(value);
       return option;
     }));
-    element("speed").value = String(asked ?? 1);
+    element("speed").value = String(requested ?? 1);
   },
 
   controls() {
@@ -174,7 +174,7 @@ const player = {
     this.pause();
     const ahead = this.switches.filter(({ time }) => (way > 0 ? time > this.time + 5e-4 : time < this.time - 5e-4));
     const goal = way > 0 ? ahead[0] : ahead[ahead.length - 1];
-    if (!goal) { element("spoken").textContent = way > 0 ? "no transition after this" : "no transition before this"; return; }
+    if (!goal) { element("spoken").textContent = way > 0 ? "no later transition" : "no earlier transition"; return; }
     this.seek(goal.time);
     const words = this.switches.filter(({ time }) => Math.abs(time - goal.time) < 5e-4).map((one) => one.words);
     element("spoken").textContent = `${goal.time.toFixed(3)} s, ${words.join("; ")}`;
@@ -204,11 +204,11 @@ const player = {
   },
 
   // Show the nearest frame, so that picture and numbers of a paused page are those of one row of the log.
-  seek(time, tell_address = true) {
+  seek(time, write_address = true) {
     const low = last_before(this.times, time), high = Math.min(low + 1, this.times.length - 1);
     const nearer = Math.abs(this.times[high] - time) < Math.abs(time - this.times[low]) ? high : low;
     this.show(this.times[nearer]);
-    if (tell_address) address.write(this.time);
+    if (write_address) address.write(this.time);
   },
 
   show(time) {
@@ -254,9 +254,9 @@ const player = {
       this.pause();
       this.was_dark = theme.dark;
       if (theme.dark) theme.set(false);
-      for (const stage of this.stages) stage.photograph();
-      element("printed").textContent = `The scene at ${this.time.toFixed(3)} s; curves of the whole ${this.end.toFixed(2)} s, ` +
-        `the line marks that moment. ${this.runs[0].page.footnote}.`;
+      for (const stage of this.stages) stage.copy_to_picture();
+      element("printed").textContent = `The scene at ${this.time.toFixed(3)} s; curves of the whole run of ${this.end.toFixed(2)} s; ` +
+        `the line marks this time. ${this.runs[0].page.footnote}.`;
     }
     document.body.classList.toggle("printing", begins);
     if (!begins && this.was_dark) theme.set(true);
@@ -282,7 +282,7 @@ const address = {
 
   // Some browsers do not allow a change of the address of a local file; the page works without it.
   write(time) {
-    try { history.replaceState(null, "", `#t=${time.toFixed(3)}`); } catch { /* as said above */ }
+    try { history.replaceState(null, "", `#t=${time.toFixed(3)}`); } catch { /* the page works without it */ }
   },
 };
 

@@ -40,14 +40,16 @@ const plots = {
   },
 
   sets() {
+    if (!this.runs.length) return [];
+    const { angle, torque, force, crutch } = this.runs[0].page.labels;
     const each = (suffix, unit, label) => JOINTS.map(([joint, name, positive]) => (
       { label: `${name} ${label ?? positive}`, unit, lines: this.lines(joint + suffix) }));
     const sets = [
-      { name: "Angles and motor torques", panels: [...each("", "°"), ...each("_torque", "N·m", "motor torque")] },
-      ...(this.runs[0] ? this.runs[0].legs.map((leg) => this.split(leg)) : []),
-      { name: "Ground force", panels: [
-        { label: "Ground force on the foot", unit: "N", lines: this.lines("force") },
-        { label: "Ground force on the crutch", unit: "N", lines: this.lines("crutch") },
+      { name: "Angles and motor torques", panels: [...each("", angle.unit), ...each("_torque", torque.unit, torque.name)] },
+      ...this.runs[0].legs.map((leg) => this.split(leg)),
+      { name: "Ground reaction forces", panels: [
+        { label: `${capitalize(force.name)} on the foot`, unit: force.unit, lines: this.lines("force") },
+        { label: capitalize(crutch.name), unit: crutch.unit, lines: this.lines("crutch") },
       ] },
     ];
     for (const set of sets) set.panels = set.panels.filter((panel) => panel.lines.length);
@@ -56,11 +58,12 @@ const plots = {
 
   // Return the panels with the parts of the commanded torque of a leg, and with the motor torque.
   split(leg) {
+    const { torque } = this.runs[0].page.labels;
     const panels = JOINTS.map(([joint, name]) => {
       const parts = this.runs[0].page.parts.map((part) => ({ key: `${joint}_${part.key}`, label: part.label, colour: () => part.colour }));
       const lines = parts.flatMap(({ key, ...options }) => this.lines(key, options));
-      if (lines.length) lines.push(...this.lines(`${joint}_torque`, { label: "motor torque", colour: () => theme.inks.ink }));
-      return { label: `${name} torque, ${leg.label.toLowerCase()}`, unit: "N·m", lines: lines.filter((line) => line.leg.side === leg.side) };
+      if (lines.length) lines.push(...this.lines(`${joint}_torque`, { label: torque.name, colour: () => theme.inks.ink }));
+      return { label: `${name} torque, ${leg.label.toLowerCase()}`, unit: torque.unit, lines: lines.filter((line) => line.leg.side === leg.side) };
     });
     return { name: `Parts of the torque, ${leg.label.toLowerCase()} leg`, panels };
   },
@@ -96,8 +99,8 @@ const plots = {
       item.append(chip, label);
       return item;
     }));
-    const what = this.panels.map((panel) => panel.label).join(", ");
-    element("curves").setAttribute("aria-label", `Curves over time: ${what}`);
+    const labels = this.panels.map((panel) => panel.label).join(", ");
+    element("curves").setAttribute("aria-label", `Curves over time: ${labels}`);
   },
 
   // Compute ranges that contain every line, in round steps.
@@ -198,19 +201,19 @@ const plots = {
     const canvas = element("curves"), width = canvas.clientWidth, n = Math.max(this.panels.length, 1);
     const pair = this.panels.some((panel) => panel.below);
     // If the panels do not fit below each other, they are in two columns: angles, and torques next to them.
-    this.beside = width <= 760 && !pair && n > 4 && this.room() < 76 * n + 60;
-    this.columns = this.beside ? 2 : width > 760 ? (pair ? n / 2 : Math.min(n, 4)) : 1;
+    this.two_columns = width <= 760 && !pair && n > 4 && this.available_height() < 76 * n + 60;
+    this.columns = this.two_columns ? 2 : width > 760 ? (pair ? n / 2 : Math.min(n, 4)) : 1;
     const rows = Math.ceil(n / this.columns), bands = this.columns === 1 ? this.banded().length : 0;
     const head = bands * (BAND + 3) + (bands ? 3 : 0);
-    const room = this.room() - head - AXIS;
-    const high = Math.floor(Math.min(Math.max(room / rows, 76), rows < 3 ? 190 : 128));
+    const available = this.available_height() - head - AXIS;
+    const high = Math.floor(Math.min(Math.max(available / rows, 76), rows < 3 ? 190 : 128));
     const height = head + rows * high + AXIS;
     if (canvas.clientHeight !== height) canvas.style.height = `${height}px`;
     return { canvas, width, height, head, high, rows, wide: width / this.columns };
   },
 
   // Return the available height for the curves in the layout of the page.
-  room() {
+  available_height() {
     const card = element("plots"), position = getComputedStyle(card).position;
     if (document.body.classList.contains("printing")) return 560;
     const inside = card.scrollHeight - element("curves").clientHeight;
@@ -232,12 +235,12 @@ const plots = {
     const order = this.columns > 1 && this.panels.some((panel) => panel.below)
       ? [...this.panels.filter((panel) => !panel.below), ...this.panels.filter((panel) => panel.below)] : this.panels;
     order.forEach((panel, index) => {
-      const [row, column] = this.beside ? [index % rows, Math.floor(index / rows)] : [Math.floor(index / this.columns), index % this.columns];
+      const [row, column] = this.two_columns ? [index % rows, Math.floor(index / rows)] : [Math.floor(index / this.columns), index % this.columns];
       const box = {
         left: column * wide + MARGIN.left, right: (column + 1) * wide - MARGIN.right,
         top: head + row * high + MARGIN.top, bottom: head + (row + 1) * high - MARGIN.bottom,
       };
-      this.panel(context, panel, box, from, to, this.beside ? row === rows - 1 : index + this.columns >= order.length);
+      this.panel(context, panel, box, from, to, this.two_columns ? row === rows - 1 : index + this.columns >= order.length);
     });
   },
 
@@ -282,7 +285,7 @@ const plots = {
     context.font = `600 11px ${FONT}`;
     context.fillStyle = theme.inks.ink;
     context.textAlign = "left";
-    context.fillText(`${panel.label} [${panel.unit}]`, box.left - (this.beside ? 24 : 0), box.top - 7);
+    context.fillText(`${panel.label} [${panel.unit}]`, box.left - (this.two_columns ? 24 : 0), box.top - 7);
     context.font = `11px ${FONT}`;
     context.fillStyle = theme.inks.soft;
     context.strokeStyle = theme.inks.line;
@@ -314,8 +317,8 @@ const plots = {
   // Draw the number of each stride at its start, and per cent of the stride in between.
   percents(context, box, x, from, to) {
     const { side, starts } = this.strides, mean = (starts.at(-1) - starts[0]) / (starts.length - 1);
-    const room = (x(from + mean) - x(from)) / 40, each = [10, 20, 50].find((percent) => (room * percent) / 100 >= 1) ?? 100;
-    const every = Math.max(Math.ceil(1 / room), 1);
+    const labels = (x(from + mean) - x(from)) / 40, each = [10, 20, 50].find((percent) => (labels * percent) / 100 >= 1) ?? 100;
+    const every = Math.max(Math.ceil(1 / labels), 1); // one label for this number of strides
     starts.forEach((start, k) => {
       const next = starts[k + 1] ?? start + mean;
       for (let percent = 0; percent < (k + 1 < starts.length ? 100 : 1); percent += each) {

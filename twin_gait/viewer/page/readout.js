@@ -19,7 +19,7 @@ class Readout {
     this.alarm.setAttribute("role", "status");
     this.card.replaceChildren(title, this.subtitle(), this.clock, this.mode, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
-    if (page.walk?.length) this.card.append(Readout.measures("The walk in numbers", page.walk));
+    if (page.walk?.length) this.card.append(Readout.measures("Measures of the walk", page.walk));
     this.cells = page.legs.map(() => ({}));
     this.rows = Readout.rows(page);
     if (page.legs.length) this.fill();
@@ -53,12 +53,12 @@ class Readout {
 
   // Return the rows of the card: [key, label, decimals, unit, colour of a part of the torque].
   static rows(page) {
-    const rows = [["phase", "Phase"]];
+    const rows = [["phase", "Phase"]], { angle, torque, force, crutch } = page.labels;
     for (const [joint, label] of JOINTS) {
-      rows.push([joint, `${label} angle`, 1, "°"], [`${joint}_torque`, "motor torque", 1, " N·m"]);
-      for (const part of page.parts) rows.push([`${joint}_${part.key}`, part.label, 1, " N·m", part.colour]);
+      rows.push([joint, `${label} ${angle.name}`, 1, angle.unit], [`${joint}_torque`, torque.name, 1, ` ${torque.unit}`]);
+      for (const part of page.parts) rows.push([`${joint}_${part.key}`, part.label, 1, ` ${torque.unit}`, part.colour]);
     }
-    rows.push(["force", "Ground force", 0, " N"], ["crutch", "Crutch force", 0, " N"]);
+    rows.push(["force", capitalize(force.name), 0, ` ${force.unit}`], ["crutch", capitalize(crutch.name), 0, ` ${crutch.unit}`]);
     return rows.filter(([key]) => page.legs.some((leg) => leg.shows.includes(key)));
   }
 
@@ -111,9 +111,9 @@ class Readout {
       for (const [key, , digits, unit] of this.rows) {
         const cell = this.cells[index][key];
         if (key === "phase") { this.pill(cell.text, page.phases[leg.phase]); continue; }
-        const known = Number.isFinite(leg[key]);
-        cell.text.textContent = known ? number(leg[key], digits) + unit : "–";
-        if (cell.bar) this.bar(cell.bar, known ? leg[key] / (scales[key.split("_")[0]] || 20) : 0);
+        const valid = Number.isFinite(leg[key]);
+        cell.text.textContent = valid ? number(leg[key], digits) + unit : "–";
+        if (cell.bar) this.bar(cell.bar, valid ? leg[key] / (scales[key.split("_")[0]] || 20) : 0);
       }
     });
   }
@@ -121,7 +121,7 @@ class Readout {
   // Show the events so far.
   warn(events) {
     const words = events.map(({ kind, time, text }) =>
-      `${kind === "trip" ? text.replace("trip", "HOLD") : text.replace(/^./, (letter) => letter.toUpperCase())} (${time.toFixed(3)} s)`);
+      `${kind === "trip" ? text.replace("trip", "HOLD") : capitalize(text)} (${time.toFixed(3)} s)`);
     if (words.join() === this.warned) return;
     this.warned = words.join();
     this.alarm.replaceChildren(...words.map((text) => make("li", text.startsWith("HOLD") ? "hold" : "", text)));

@@ -1,6 +1,6 @@
 // ---- scene: meshcat's viewer, its camera, its animation ---------------------------------------------
 
-const NIGHT = { top: [0.15, 0.175, 0.205], bottom: [0.055, 0.065, 0.08], floor: 0x39424d, ambient: 1 };
+const DARK_THEME = { top: [0.15, 0.175, 0.205], bottom: [0.055, 0.065, 0.08], floor: 0x39424d, ambient: 1 };
 
 class Stage {
   constructor(label) {
@@ -15,14 +15,14 @@ class Stage {
     this.viewer = null;
     this.view = null;
     this.floor = null;
-    this.day = { top: [1, 1, 1], bottom: [1, 1, 1], ambient: 0.6 };
-    this.unpainted = false;
+    this.light_theme = { top: [1, 1, 1], bottom: [1, 1, 1], ambient: 0.6 };
+    this.must_paint = false;
     this.turned = false;
-    this.blind = false; // true without WebGL: there is no scene, but everything else works
+    this.without_webgl = false; // true without WebGL: there is no scene, but everything else works
   }
 
   open() {
-    try { this.viewer = new MeshCat.Viewer(this.pane); } catch (error) { this.leave_out(error); return; }
+    try { this.viewer = new MeshCat.Viewer(this.pane); } catch (error) { this.disable(error); return; }
     this.viewer.gui.domElement.style.display = "none";
     this.viewer.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     const shadow = this.viewer.scene_tree.find(["Lights", "SpotLight", "<object>"]).object.shadow;
@@ -39,13 +39,13 @@ class Stage {
     this.viewer.controls.addEventListener("start", () => { this.turned = true; });
     new ResizeObserver(() => this.refit()).observe(this.pane);
     const handle = this.viewer.handle_command.bind(this.viewer);
-    this.viewer.handle_command = (command) => { handle(command); this.notice(command); };
+    this.viewer.handle_command = (command) => { handle(command); this.store_light_theme(command); };
     theme.listeners.push(() => this.paint());
   }
 
   // Replace the viewer by an object that accepts commands and draws nothing.
-  leave_out(error) {
-    this.blind = true;
+  disable(error) {
+    this.without_webgl = true;
     this.pane.replaceChildren(make("p", "absent", "No scene: this browser has no WebGL. Numbers, curves and timeline work without."));
     this.pane.setAttribute("aria-label", "No scene");
     console.info(`twin_gait: no WebGL (${error.message})`);
@@ -56,16 +56,16 @@ class Stage {
   }
 
   // Store the colours and the light that the program sets; they are used by the light theme.
-  notice({ type, path, property, value }) {
-    const place = `${path}.${property}`;
-    if (type === "set_object" && path === this.floor) this.day.floor = this.find(path).material.color.getHex();
+  store_light_theme({ type, path, property, value }) {
+    const key = `${path}.${property}`;
+    if (type === "set_object" && path === this.floor) this.light_theme.floor = this.find(path).material.color.getHex();
     else if (type !== "set_property") return;
-    else if (place === "/Background.top_color") this.day.top = value;
-    else if (place === "/Background.bottom_color") this.day.bottom = value;
-    else if (place === "/Lights/AmbientLight/<object>.intensity") this.day.ambient = value;
+    else if (key === "/Background.top_color") this.light_theme.top = value;
+    else if (key === "/Background.bottom_color") this.light_theme.bottom = value;
+    else if (key === "/Lights/AmbientLight/<object>.intensity") this.light_theme.ambient = value;
     else return;
-    if (this.unpainted) return;
-    this.unpainted = true;
+    if (this.must_paint) return;
+    this.must_paint = true;
     requestAnimationFrame(() => this.paint());
   }
 
@@ -73,19 +73,19 @@ class Stage {
 
   // Apply the theme: in the dark theme only the surroundings of the figure are darker.
   paint() {
-    this.unpainted = false;
-    if (this.blind) return;
-    const set = theme.dark ? { ...NIGHT, ambient: this.day.ambient * NIGHT.ambient } : this.day;
+    this.must_paint = false;
+    if (this.without_webgl) return;
+    const set = theme.dark ? { ...DARK_THEME, ambient: this.light_theme.ambient * DARK_THEME.ambient } : this.light_theme;
     this.viewer.set_property(["Background"], "top_color", set.top);
     this.viewer.set_property(["Background"], "bottom_color", set.bottom);
     this.find("Lights/AmbientLight").intensity = set.ambient;
-    if (this.day.floor !== undefined) this.find(this.floor).material.color.setHex(set.floor);
+    if (this.light_theme.floor !== undefined) this.find(this.floor).material.color.setHex(set.floor);
     this.viewer.set_dirty();
   }
 
   // Fit the view to a new size of the pane; a view that the user has turned is kept.
   refit() {
-    if (!this.pane.clientHeight || this.blind) return;
+    if (!this.pane.clientHeight || this.without_webgl) return;
     if (this.view && !this.turned) this.look(this.view); else this.viewer.set_3d_pane_size();
     // Resizing has cleared the canvas, which must be drawn again within the same frame.
     this.viewer.render();
@@ -94,7 +94,7 @@ class Stage {
   look(view) {
     this.view = view;
     this.turned = false;
-    if (this.blind) return;
+    if (this.without_webgl) return;
     // three.js has y up: (x, y, z) of the scene is (x, z, -y) there.
     const [x, y, z] = view.target, [dx, dy, dz] = view.direction;
     const camera = this.viewer.camera, target = new MeshCat.THREE.Vector3(x, z, -y);
@@ -106,7 +106,7 @@ class Stage {
   }
 
   // Compute the part of the pane that no card covers.
-  room() {
+  visible_area() {
     const pane = this.pane.getBoundingClientRect();
     const free = { left: pane.left, right: pane.right, top: pane.top, bottom: pane.bottom };
     if (getComputedStyle(this.section).position === "fixed") {
@@ -126,21 +126,21 @@ class Stage {
   }
 
   distance() {
-    const room = this.room(), half = Math.tan((Math.PI / 360) * this.view.field_of_view);
-    const tall = (this.view.height * room.height) / room.high;
-    const broad = (this.view.width * room.height) / room.wide;
+    const area = this.visible_area(), half = Math.tan((Math.PI / 360) * this.view.field_of_view);
+    const tall = (this.view.height * area.height) / area.high;
+    const broad = (this.view.width * area.height) / area.wide;
     return Math.max(tall, Math.min(broad, 1.2 * tall)) / (2 * half);
   }
 
   shift() {
     if (!this.view) return;
-    const { width, height, aside, rise } = this.room();
+    const { width, height, aside, rise } = this.visible_area();
     this.viewer.camera.setViewOffset(width, height, aside, rise, width, height);
     this.viewer.set_dirty();
   }
 
   // Read one command or several. A single command begins like a msgpack map, which cannot be a valid length.
-  take(bytes) {
+  receive(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     if (bytes.length < 4 || view.getUint32(0, true) > bytes.length - 4) {
       this.viewer.handle_command_bytearray(bytes);
@@ -157,9 +157,9 @@ class Stage {
 
   // Copy the scene to a picture for printing, because browsers do not print WebGL. The copy must follow the
   // rendering immediately, while its buffer is valid.
-  photograph(width = 900, height = 860) {
+  copy_to_picture(width = 900, height = 860) {
     const { viewer } = this;
-    if (this.blind) return;
+    if (this.without_webgl) return;
     viewer.camera.clearViewOffset();
     viewer.camera.aspect = width / height;
     viewer.renderer.setSize(width, height);

@@ -2,21 +2,21 @@
 
 // A test, a picture or another page can wait for the promise `ready`.
 window.ready = (async () => {
-  const page = JSON.parse(element("page-data").textContent), asked = address.read();
+  const page = JSON.parse(element("page-data").textContent), requested = address.read();
   document.body.classList.add(page.mode);
-  document.body.classList.toggle("still-picture", asked.picture);
-  theme.open(asked.theme);
+  document.body.classList.toggle("still-picture", requested.picture);
+  theme.open(requested.theme);
   // If the bar lies over the page, the page ends above it.
   const bar = element("bar"), measure = () => document.body.style.setProperty("--bar", `${bar.offsetHeight}px`);
   new ResizeObserver(measure).observe(bar);
   try {
     if (page.mode === "live") live.open();
     else { await unpack_bundle(); await (page.mode === "model" ? joints : player).open(page); }
-    if (asked.picture && player.stages.some((stage) => stage.blind)) throw new Error("no WebGL for the picture");
-    if (asked.picture) { await settled(); console.info("twin_gait: ready"); }
+    if (requested.picture && player.stages.some((stage) => stage.without_webgl)) throw new Error("no WebGL for the picture");
+    if (requested.picture) { await settled(); console.info("twin_gait: ready"); }
   } catch (error) {
-    tell(`This page needs a browser that is not older than 2023 (${error.message}).`);
-    if (asked.picture) console.info(`twin_gait: ${error.message}`);
+    show_message(`This page needs a browser that is not older than 2023 (${error.message}).`);
+    if (requested.picture) console.info(`twin_gait: ${error.message}`);
     throw error;
   }
 })();
@@ -38,8 +38,8 @@ async function unpack_bundle() {
 
 window.twinGait = {
   show: (...samples) => live.show(...samples),
-  take: (bytes) => live.stage.take(bytes),
+  receive: (bytes) => live.stage.receive(bytes),
   page: () => live.page,
   get stage() { return live.stage ?? joints.stage ?? player.stages[0]; },
-  plots, joints, theme, tell, ready: window.ready,
+  plots, joints, theme, show_message, ready: window.ready,
 };
