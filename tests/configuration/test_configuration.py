@@ -141,7 +141,7 @@ def test_each_engine_brings_its_own_integrator_unless_asked_otherwise():
         used = load_experiment(preset, settings).experiment.resolved_integration
         return str(used.method), used.step
 
-    assert stepping("treadmill") == ("rk4", 1e-4)
+    assert stepping("treadmill") == ("rk4", 0.25e-3)
     assert stepping("bench_leg") == ("rk4", 1e-3)
     assert stepping("treadmill", "engine=pinocchio") == ("semi_implicit_euler", 0.25e-3)
     assert stepping("treadmill", "integration.step_ms=0.2") == ("rk4", 0.2e-3)
