@@ -82,7 +82,9 @@ def experiment_from_mapping(
         found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
         braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
-        standard, own = default_integration(engine, entry.scenario, braced=braced), entry.integration.values()
+        own = entry.integration.values()
+        method = {"method": own["method"]} if "method" in own else {}
+        standard = default_integration(engine, entry.scenario, braced=braced, **method)
         found["integration"] = convert_with_context(source, "integration", lambda: replace(standard, **own))
     if data.get("patient") is None:
         found["patient"] = None
