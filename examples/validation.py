@@ -115,21 +115,21 @@ for _ in range(WEARERS):
         {
             "rate_per_s": rate,
             "default_step_s": chosen.experiment.resolved_integration.step,
-            "residual_at_0.25_ms": checks.energy_residual(run),
-            "residual_at_default": checks.energy_residual(chosen),
+            "coarse_residual": checks.energy_residual(run),
+            "default_residual": checks.energy_residual(chosen),
             "difference_deg": checks.largest_difference(run, chosen),
         }
     )
 walks = pd.DataFrame(coarse)
-unstable = walks["residual_at_0.25_ms"] > LARGEST_RESIDUAL
+unstable = walks["coarse_residual"] > LARGEST_RESIDUAL
 beyond = 0.25e-3 * walks["rate_per_s"] > RK4_LIMIT
 stability = {
     "wearers": WEARERS,
-    "unstable_at_0.25_ms": int(unstable.sum()),
+    "unstable": int(unstable.sum()),
     "both": int((unstable & beyond).sum()),
     "beyond_the_limit": int(beyond.sum()),
-    "largest_stable_residual": f"{walks.loc[~unstable, 'residual_at_0.25_ms'].max():.0e}",
-    "smallest_unstable_residual": f"{walks.loc[unstable, 'residual_at_0.25_ms'].min():.0e}",
+    "largest_stable_residual": f"{walks.loc[~unstable, 'coarse_residual'].max():.0e}",
+    "smallest_unstable_residual": f"{walks.loc[unstable, 'coarse_residual'].min():.0e}",
     "largest_stable_difference": f"{walks.loc[~unstable, 'difference_deg'].max():.0e}",
     "largest_unstable_difference": f"{walks.loc[unstable, 'difference_deg'].max():.1f}",
     "largest_residual_at_default": f"{walks['residual_at_default'].max():.0e}",
@@ -141,7 +141,7 @@ check(
     float(stability["largest_step_times_rate"]),
     RK4_LIMIT,
 )
-check("energy of these walks", "conservation of energy", walks["residual_at_default"].max(), LARGEST_RESIDUAL)
+check("energy of these walks", "conservation of energy", walks["default_residual"].max(), LARGEST_RESIDUAL)
 print(", ".join(f"{name} {value}" for name, value in stability.items()))
 
 # %%
