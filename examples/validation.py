@@ -132,7 +132,7 @@ stability = {
     "smallest_unstable_residual": f"{walks.loc[unstable, 'coarse_residual'].min():.0e}",
     "largest_stable_difference": f"{walks.loc[~unstable, 'difference_deg'].max():.0e}",
     "largest_unstable_difference": f"{walks.loc[unstable, 'difference_deg'].max():.1f}",
-    "largest_residual_at_default": f"{walks['residual_at_default'].max():.0e}",
+    "largest_residual_at_default": f"{walks['default_residual'].max():.0e}",
     "largest_step_times_rate": f"{(walks['rate_per_s'] * walks['default_step_s']).max():.2f}",
 }
 check(
