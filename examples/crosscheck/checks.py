@@ -12,12 +12,14 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import energy_balance
 from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.simulation.log import state_columns
 from twin_gait.studies.accuracy import step_error
 
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 N_STATES = 100
 REPETITIONS = 50  # of the accelerations of a leg whose gears lose under load
 SEED = 20240607
+DIFFERENCE = 1e-6  # of a coordinate in [m] or [rad], for the slope of a position
 # A leg without friction, stops and motors, and without the inertia of its drives, let go from high up: it
 # moves so fast that the error of an integrator stands out of rounding.
 FREE_LEG = (
@@ -118,6 +120,47 @@ def step_rows(preset: str, duration: float) -> list[dict[str, str]]:
         }
         for row in found["steps"]
     ]
+
+
+def random_walk(generator: np.random.Generator, *settings: str) -> Run:
+    """Walk of three seconds of a random wearer at a random belt speed and support."""
+    low, high = np.array([[40.0, 1.5, 1.0, 0.2], [110.0, 1.95, 2.4, 0.7]])
+    mass, height, speed, share = generator.uniform(low, high).tolist()
+    who = f"patient={{mass_kg: {mass}, height_m: {height}}}"
+    where = (f"scenario.belt_speed_km_per_h={speed}", f"scenario.support.share={share}")
+    return simulate(load_experiment("treadmill", ["duration_s=3", who, *where, *settings]).experiment)
+
+
+def largest_difference(run: Run, other: Run) -> float:
+    """Largest difference of a hip or knee angle of two runs in [deg]."""
+    names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in ("hip", "knee")]
+    ticks = min(len(run.log), len(other.log))
+    apart = run.log[names].to_numpy()[:ticks] - other.log[names].to_numpy()[:ticks]
+    return float(np.degrees(np.abs(apart).max()))
+
+
+def foot_friction_rate(run: Run) -> float:
+    """Rate in [1/s] at which the slip of a foot decays at the load peak of a walk on the belt.
+
+    It is the slope of the friction near rest, times the load, times the mobility of the heel or toe.
+    """
+    world, contact = run.experiment.build_world(), run.experiment.scenario.contact
+    model = world.model
+    angles = run.log[state_columns(model)[0]].to_numpy()
+    rates = []
+    for side in run.sides:
+        load = run.log[f"{side}_foot_normal_force_N"].to_numpy()
+        q = angles[load.argmax()]
+        for frame in world.contact_frames[side]:
+            nudges = DIFFERENCE * np.eye(len(q))
+            ahead, behind = (
+                [model.frame_position(q + sign * nudge, frame)[0] for nudge in nudges] for sign in (1, -1)
+            )
+            forward = (np.array(ahead) - np.array(behind)) / (2.0 * DIFFERENCE)
+            mobility = forward @ np.linalg.solve(model.mass_matrix(q), forward)
+            slope = contact.friction_coefficient / contact.transition_velocity
+            rates.append(slope * load.max() * mobility)
+    return float(max(rates))
 
 
 def largest_friction_power(run: Run) -> float:

@@ -141,11 +141,29 @@ def test_each_engine_has_its_own_default_integrator():
         used = load_experiment(preset, settings).experiment.resolved_integration
         return str(used.method), used.step
 
-    assert stepping("treadmill") == ("rk4", 1e-4)
+    assert stepping("treadmill") == ("rk4", 0.25e-3)
     assert stepping("bench_leg") == ("rk4", 1e-3)
     assert stepping("treadmill", "engine=pinocchio") == ("semi_implicit_euler", 0.25e-3)
     assert stepping("treadmill", "integration.step_ms=0.2") == ("rk4", 0.2e-3)
-    assert stepping("treadmill", "integration.method=semi_implicit_euler") == ("semi_implicit_euler", 1e-4)
+    euler = "integration.method=semi_implicit_euler"
+    assert stepping("treadmill", euler) == ("semi_implicit_euler", 0.125e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "step"),
+    [
+        ((), 0.25e-3),
+        (("scenario.support.share=0.4",), 0.25e-3),  # 1.5 km/h: step times rate is 2.64 of 2.785
+        (("scenario.support.share=0.3",), 0.2e-3),
+        (("scenario.support.share=0",), 0.125e-3),
+        (("scenario.belt_speed_km_per_h=2",), 0.2e-3),
+        (("scenario.belt_speed_km_per_h=4",), 0.125e-3),  # the estimate of the load peak is limited
+        (("scenario.contact.transition_velocity_m_per_s=0.01",), 0.05e-3),
+        (("scenario.contact.transition_velocity_m_per_s=1e-5",), 0.01e-3),  # the smallest
+    ],
+)
+def test_step_on_the_belt_follows_the_friction_of_a_loaded_foot(settings, step):
+    assert load_experiment("treadmill", settings).experiment.resolved_integration.step == step
 
 
 def test_merge_replaces_a_quantity_in_another_unit():

@@ -84,8 +84,9 @@ def experiment_from_mapping(
         found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
         braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
-        standard = default_integration(engine, entry.scenario, braced=braced)
         given = entry.integration.values()
+        method = {"method": given["method"]} if "method" in given else {}
+        standard = default_integration(engine, entry.scenario, braced=braced, **method)
         found["integration"] = convert_with_context(source, "integration", lambda: replace(standard, **given))
     if data.get("patient") is None:
         found["patient"] = None

@@ -11,10 +11,11 @@ import contextlib
 import itertools
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from twin_gait.configuration.custom_sections import section_of
 from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.events import changed_keys
 from twin_gait.configuration.experiments import LoadedExperiment
@@ -78,6 +79,7 @@ class LiveSession:
     def __post_init__(self) -> None:
         """Prepare the session; raise MessageRejected if the name of the user is invalid in a message."""
         self.user = user_name(self.user)
+        self.loaded = choose_step(self.loaded)
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
         self._link: CanLink | None = None
@@ -270,3 +272,26 @@ def _describe_change(subject: str, before: Value | None, value: Value | None) ->
         return "reset all parameters"
     shown = (f"{item:.4g}" if isinstance(item, float) else str(item) for item in (before, value))
     return f"{subject}: {' → '.join(shown)}"
+
+
+def choose_step(loaded: LoadedExperiment) -> LoadedExperiment:
+    """Return an experiment with a default step that is stable at every setting of its adjustments.
+
+    An experiment with an integration of its own is returned as it is.
+    """
+    experiment, scenario = loaded.experiment, loaded.experiment.scenario
+    if experiment.integration is not None:
+        return loaded
+    step = experiment.resolved_integration.step
+    for values in itertools.product(*((item.minimum, item.maximum) for item in scenario.adjustments)):
+        changed = scenario
+        for item, value in zip(scenario.adjustments, values, strict=True):
+            changed = changed.replace_adjustment(item.name, value * item.scale)
+        step = min(step, changed.step)
+    integration = replace(experiment.resolved_integration, step=step)
+    section = section_of(type(integration)).document(integration)
+    return replace(
+        loaded,
+        experiment=replace(experiment, integration=integration),
+        document={**loaded.document, "integration": section},
+    )

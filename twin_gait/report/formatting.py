@@ -81,6 +81,20 @@ def belt_carries_note(summary: Mapping[str, Any]) -> str:
     return f"The belt drives this walk: it drags the feet backwards against {force} at the pelvis."
 
 
+def unstable_step_note(summary: Mapping[str, Any]) -> str:
+    """Return a sentence if the energy balance shows that the step was too large; otherwise an empty string.
+
+    ``summary``: summary of a run; those of earlier versions lack the step.
+    """
+    if summary.get("step_stable") is not False:
+        return ""
+    residual, step = 100.0 * summary["energy_residual_share"], 1e3 * summary["step_s"]
+    return (
+        f"The energy balance of this run is open by {residual:.2g} %: the step of {step:g} ms is too large "
+        f"for it, and its results may be wrong. Repeat it with --set integration.step_ms={step / 2:g}."
+    )
+
+
 def missing_peaks(summary: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each leg whose load has no loading peak, trough and push-off peak."""
     patterns = {side: leg.get("load_pattern", TWO_PEAKS) for side, leg in summary["sides"].items()}

@@ -6,7 +6,13 @@ import numpy as np
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.report.formatting import belt_carries_note, describe, missing_peaks, walk_table
+from twin_gait.report.formatting import (
+    belt_carries_note,
+    describe,
+    missing_peaks,
+    unstable_step_note,
+    walk_table,
+)
 from twin_gait.runs.stored_run import StoredRun
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
@@ -24,7 +30,8 @@ def page_texts(stored: StoredRun, other: StoredRun | None = None) -> PageTexts:
     subtitle = describe(run.experiment)
     other_subtitle = subtitle if other is None else describe(other.run.experiment)
     try:
-        notes = [*filter(None, (belt_carries_note(summary),)), *missing_peaks(summary)]
+        first = unstable_step_note(summary), belt_carries_note(summary)
+        notes = [*filter(None, first), *missing_peaks(summary)]
         walk = walk_table(summary)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         problem = f"summary.json is not complete ({type(error).__name__}: {error}); run the simulation again"

@@ -13,7 +13,7 @@ import pandas as pd
 
 import twin_gait
 from twin_gait.configuration.identity import identify_parts, identify_wearer
-from twin_gait.experiment.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment, IntegrationMethod
 from twin_gait.files import to_json_value
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
@@ -129,11 +129,19 @@ def battery_summary(run: Run) -> dict[str, float]:
     }
 
 
-def energy_summary(run: Run) -> dict[str, float]:
-    """Compute the balance of the energy of a run with the work of all sources."""
-    log = run.columns
+def energy_summary(run: Run) -> dict[str, Any]:
+    """Compute the balance of the energy of a run with the work of all sources, and judge its step by it.
+
+    ``step_stable`` is false if the residual shows that the step was too large for Runge-Kutta; None for the
+    Euler method, whose residual is larger at any step, and for an empty log.
+    """
+    log, integration = run.columns, run.experiment.resolved_integration
     works = np.array([np.asarray(log[f"{source}_work_J"]) for source in work_sources(log)])
-    return effort.energy_balance(np.asarray(log["kinetic_energy_J"] + log["potential_energy_J"]), works)
+    energy = np.asarray(log["kinetic_energy_J"] + log["potential_energy_J"])
+    balance: dict[str, Any] = effort.energy_balance(energy, works)
+    residual, runge_kutta = balance["energy_residual_share"], integration.method is IntegrationMethod.RK4
+    stable = residual <= effort.LARGEST_RESIDUAL if runge_kutta and math.isfinite(residual) else None
+    return {**balance, "step_s": integration.step, "step_stable": stable}
 
 
 def _safety_summary(run: Run) -> dict[str, Any]:

@@ -249,12 +249,15 @@ class Scenario(Parameters, ABC):
 
     Attributes:
         kind: Name of the world in files.
-        step: Default step of the compiled engine in [s].
         surroundings: Surroundings that the viewer draws around the figure.
     """
 
-    step: ClassVar[float] = 1e-3
     surroundings: ClassVar[Environment] = Environment.FLOOR
+
+    @property
+    def step(self) -> float:
+        """Default step of the compiled engine in [s]."""
+        return 1e-3
 
     @property
     @abstractmethod

@@ -168,6 +168,8 @@ def run_sweep(
             "episodes": len(sweep.overrides),
             "finished": len(table),
             "outcomes": {str(name): int(count) for name, count in sorted(_outcomes(table).items())},
+            # episodes whose energy balance shows that their step was too large
+            "unstable_steps": int((table["step_stable"] == False).sum()),  # noqa: E712
             # requested measures that no completed episode has
             "not_drawn": [name for name, found in measured.items() if not found],
             "last_call": {
