@@ -727,7 +727,8 @@ def test_a_replaced_value_may_be_inherited_over_two_files(tmp_path: Path) -> Non
         ("to: early_stance, cause: stumble", "to: early_stance", "transitions[0].cause", "missing"),
         ("transitions:", "waive: [{rule: cascade, reason: so, phase: 5}]\ntransitions:",
          "waive[0].phase", "5"),
-        ("extends: treadmill", "extends: below.yaml", "transitions[2]", "below.yaml has no transition swing_extension"),
+        ("extends: treadmill", "extends: below.yaml",
+         "transitions[2]", "below.yaml has no transition swing_extension"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("within", ["table", "experiment", "inline"])

@@ -519,7 +519,11 @@ def test_file_without_a_robot_is_refused(content: bytes, explained: str, tmp_pat
 
 
 MISFITS = {
-    "joint": ('<joint name="knee"', '<joint name="elbow"', "no joint 'knee' for the right knee; the file has hip"),
+    "joint": (
+        '<joint name="knee"',
+        '<joint name="elbow"',
+        "no joint 'knee' for the right knee; the file has hip",
+    ),
     "link": ('<link name="sole"/>', '<link name="tip"/>', "child link [sole] of joint"),
     "child": ('<child link="thigh"/>', "", "missing a parent and/or child link"),
     "no limit": (

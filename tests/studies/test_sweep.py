@@ -304,7 +304,11 @@ BAD = {
     ),
     "not a range": ({"parameters": {HIP: 5}}, [], f"parameters.{HIP}: expected a list.*got 5"),
     "no parameters": ({"parameters": {}}, [], "parameters: is missing or empty"),
-    "no samples": ({"samples": None}, [], "samples: is missing or empty; the method latin_hypercube requires it"),
+    "no samples": (
+        {"samples": None},
+        [],
+        "samples: is missing or empty; the method latin_hypercube requires it",
+    ),
     "no count": ({"method": "grid", "samples": None}, [], f"parameters.{HIP}: expected a count"),
     "samples of a grid": ({"method": "grid"}, [], "samples: the method grid does not use it"),
     "list of parameters": ({"method": "list", "samples": None}, [], "episodes: is missing"),
