@@ -19,7 +19,7 @@ from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import JobError, ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.runs.summary import summarise_run
-from twin_gait.simulation import code_cache, simulator
+from twin_gait.simulation import code_cache, lane_engine, simulator
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
 from twin_gait.simulation.simulator import (
@@ -235,6 +235,16 @@ def test_no_log_outlives_its_turn(bench):
         assert not [log for log in before if log() is not None]
         before.append(weakref.ref(run.log))
     assert len(before) == MIN_BLOCK_SIZE
+
+
+def test_the_memory_of_logs_is_reused_only_if_no_run_refers_to_it():
+    kept = lane_engine._log_memory(2, 3, 4)[1]
+    other = lane_engine._log_memory(2, 3, 4)
+    assert not np.shares_memory(kept, other)
+    address = other.ctypes.data
+    del other
+    again = lane_engine._log_memory(2, 2, 3)
+    assert again.ctypes.data == address and not np.shares_memory(kept, again)
 
 
 def test_a_failure_has_its_number(bench):

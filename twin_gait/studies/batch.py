@@ -1,8 +1,8 @@
 """Many episodes of one experiment, each with a few values of its own, as one table.
 
-Memory grows with the length of a batch by the rows of its table only (6–11 kB each, measured over 2500
-episodes on the bench and 350 on the treadmill). A log exists until its row is computed, and contains only the
-columns that the row needs.
+Memory grows with the length of a batch by the rows of its table (6–11 kB each, measured over 2500 episodes on
+the bench and 350 on the treadmill) and by its experiments (3 kB each with three values of their own). A log
+exists until its row is computed, and contains only the columns that the row needs.
 """
 
 import json
@@ -36,6 +36,7 @@ from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters.wearer import Patient
 from twin_gait.runs.leg_summary import MeasuredLeg, saturated_shares
 from twin_gait.runs.summary import battery_summary, energy_summary
+from twin_gait.simulation.lane_engine import free_log_memory
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import precompile, simulate_blocks
 from twin_gait.studies.jobs import WorkCallbacks, run_blocks
@@ -80,6 +81,12 @@ def run_episodes(
         return run_blocks(walk, items, block=block, workers=workers, on_results=on_results, **watch)
     except JobError as error:
         raise ParameterError(f"{episode_name(error.index)}: {error.problem}") from error
+    finally:
+        free_log_memory()
+
+
+def _itself(experiment: Experiment) -> Experiment:
+    return experiment
 
 
 def _measured(
@@ -89,7 +96,9 @@ def _measured(
     items: Sequence[Item],
 ) -> Iterator[tuple[int, Result]]:
     for place, run in simulate_blocks(map(experiment_of, items), columns=columns):
-        yield place, measure(run)
+        result = measure(run)
+        del run  # The next block reuses the memory of its log.
+        yield place, result
 
 
 def _choose_block_size(
@@ -160,11 +169,11 @@ def simulate_batch(
     cannot be simulated, or the number of workers is invalid.
     """
     base = attach_document(experiment)
-    for index, override in enumerate(overrides):
-        apply_override(base, override, f"episode {index}")
-    experiment_of = partial(apply_override, base)
+    experiments = [
+        apply_override(base, override, f"episode {index}") for index, override in enumerate(overrides)
+    ]
     rows = run_episodes(
-        experiment_of, flat_summary, overrides, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
+        _itself, flat_summary, experiments, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
     )
     return results_table(overrides, summary_table(rows))
 
