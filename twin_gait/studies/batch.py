@@ -135,7 +135,7 @@ Named = Mapping[str, Mapping[str, Any]]
 
 # Endings of the log columns that :func:`flat_summary` reads, in addition to time and phases.
 SUMMARY_LOG_COLUMNS = (
-    "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
+    "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
     "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
     "_work_J", *WALK_COLUMNS,
 )  # fmt: skip
@@ -248,20 +248,21 @@ def flat_summary(run: Run) -> FlatSummary:
     value depends on the speed of the machine. The log must contain the columns ``SUMMARY_LOG_COLUMNS``.
     """
     trip, walk = run.trip, run.walk_measures()
+    legs = [MeasuredLeg(run, record) for record in run.leg_records()]
     power = run.walk_power(legs=walk) or {}
     whole = {
         **{"status": run.status, "outcome": run.verdict.outcome, "fell": run.status is RunStatus.FELL},
         **{"seed": run.experiment.seed, "duration_s": run.duration},
         **battery_summary(run),
         **energy_summary(run),
-        **saturated_shares(run),
+        **saturated_shares(legs),
         **{f"power_{name}": value for name, value in power.items()},
         **({} if trip is None else {"trip_cause": str(trip.cause), "trip_location": trip.location}),
         **({} if trip is None else {"trip_time_s": trip.time}),
     }
     flat = {name: whole.get(name) for name in _RUN}
-    for side in run.sides:
-        leg = MeasuredLeg(run, run.leg_record(side))
+    for leg in legs:
+        side = leg.record.side
         errors = leg.error_parts().get("errors", {})
         values = {**leg.brief_summary(), **walk.get(side, {})}
         for joint, parts in errors.items():
