@@ -18,6 +18,7 @@ from twin_gait.measures.effort import (
     battery_use,
     changes_at_switches,
     energy_balance,
+    saturation_cases,
     saturation_shares,
 )
 from twin_gait.measures.foot_contact import (
@@ -471,7 +472,8 @@ def test_saturation_is_counted_per_cause_and_once_together() -> None:
     command = np.array([10.0, 61.0, -70.0, 60.0, 5.0, 5.0, 80.0, 5.0, 0.0, 0.0])
     target = np.array([1.0, 6.0, -6.0, 6.0, 15.0, -15.0, 6.0, 0.5, 0.0, 0.0])
     current = np.array([1.0, 6.0, -6.0, 6.0, 15.0, -15.0, 4.0, 0.2, 0.0, 0.0])
-    shares = saturation_shares(command, target, current, LimitParameters(torque=60.0, current=15.0))
+    limits = LimitParameters(torque=60.0, current=15.0)
+    shares = saturation_shares(saturation_cases(command, target, current, limits))
     assert shares == pytest.approx(
         {
             "at_torque_limit_share": 0.3,
@@ -490,7 +492,7 @@ def test_battery_is_discharged_and_charged() -> None:
 def test_empty_records_are_undefined_not_wrong() -> None:
     empty = np.zeros(0)
     assert all(math.isnan(value) for value in battery_use(empty, TICK, 1.0).values())
-    shares = saturation_shares(empty, empty, empty, LimitParameters())
+    shares = saturation_shares(saturation_cases(empty, empty, empty, LimitParameters()))
     assert all(math.isnan(value) for value in shares.values())
     assert math.isnan(energy_balance(empty, np.zeros((2, 0)))["energy_residual_J"])
 

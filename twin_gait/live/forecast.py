@@ -16,6 +16,7 @@ from twin_gait.checking.finding import CheckCase, Rule, Severity, once
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import LogChunk, walked_run
+from twin_gait.measures.effort import share_of_ticks
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import EventKind, judge_gait
 from twin_gait.runs.leg_summary import MeasuredLeg
@@ -115,7 +116,7 @@ def predict(
         str(joint): float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))
         for joint in joints
     }
-    saturated = [leg.saturation(joint)["saturated_share"] for leg in legs for joint in joints]
+    saturated = [share_of_ticks(leg.saturation_cases[joint]["saturated"]) for leg in legs for joint in joints]
     return Forecast(
         text=f"after a new start {text}" if over else text,
         bad=bad,

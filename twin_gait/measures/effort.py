@@ -15,6 +15,7 @@ frame itself, as the reading of such a sensor does.
 """
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -48,21 +49,18 @@ def saturation_cases(
     }
 
 
-def saturation_shares(
-    command: np.ndarray, target_current: np.ndarray, current: np.ndarray, limits: LimitParameters
-) -> dict[str, float]:
+def saturation_shares(cases: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Compute the shares of the ticks of :func:`saturation_cases`, by their names in a summary.
 
     ``at_torque_limit_share``, ``at_current_limit_share``, ``voltage_limited_share`` and ``saturated_share``;
     NaN for an empty record.
     """
-    cases = saturation_cases(command, target_current, current, limits)
     return {f"{name}_share": share_of_ticks(case) for name, case in cases.items()}
 
 
 def share_of_ticks(case: np.ndarray) -> float:
     """Return the share of the ticks in which a condition is true; NaN for an empty record."""
-    return float(case.mean()) if len(case) else math.nan
+    return np.count_nonzero(case) / len(case) if len(case) else math.nan
 
 
 def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> dict[str, float]:

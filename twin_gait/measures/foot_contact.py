@@ -49,9 +49,17 @@ def is_loaded(normal_force: np.ndarray) -> np.ndarray:
     ``normal_force``: force on one foot in [N], shape ``(n,)``. Returns booleans for each tick, shape
     ``(n,)``. Between the two thresholds the previous state is kept; the foot is unloaded at the start.
     """
-    known = (normal_force > CONTACT_FORCE) | (normal_force < RELEASE_FORCE)
-    last_known = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1)) if len(known) else known
-    return np.asarray((last_known >= 0) & (normal_force[last_known] > CONTACT_FORCE))
+    loaded = np.asarray(normal_force > CONTACT_FORCE)
+    for start, end in _spells(~(loaded | (normal_force < RELEASE_FORCE))):
+        loaded[start:end] = start > 0 and loaded[start - 1]
+    return loaded
+
+
+def _spells(condition: np.ndarray) -> list[tuple[int, int]]:
+    """Return first tick and first tick after it of each interval in which a condition is true."""
+    padded = np.concatenate(([False], condition, [False]))
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return list(zip(edges[0::2], edges[1::2], strict=True))
 
 
 def find_foot_contacts(
@@ -63,13 +71,10 @@ def find_foot_contacts(
     positive, NaN where it is not known; without it, swings and bounces are distinguished by the time off the
     ground alone. Returns the contacts as sample indices.
     """
-    loaded = np.concatenate(([False], is_loaded(normal_force), [False]))
-    edges = np.flatnonzero(loaded[1:] != loaded[:-1])
-    spells = list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
     strikes: list[int] = []
     offs: list[int] = []
     further: list[int] = []
-    for group in _groups(spells, SHORTEST_SWING / tick, hip_angle):
+    for group in _groups(_spells(is_loaded(normal_force)), SHORTEST_SWING / tick, hip_angle):
         first, last = group[0][0], group[-1][1]
         duration = sum(end - start for start, end in group)
         touches_edge = first < SHORTEST_SWING / tick or last == len(normal_force)
@@ -116,9 +121,10 @@ def find_swings(contacts: FootContacts) -> np.ndarray:
 
     Returns the first tick of each swing and of the stance after it, shape ``(n, 2)``, integers.
     """
-    strikes = contacts.heel_strikes
-    pairs = [(off, strikes[strikes > off][0]) for off in contacts.toe_offs if (strikes > off).any()]
-    return np.array(pairs, dtype=int).reshape(-1, 2)
+    offs, strikes = contacts.toe_offs, contacts.heel_strikes
+    following = np.searchsorted(strikes, offs, side="right")
+    ends = following < len(strikes)
+    return np.array([offs[ends], strikes[following[ends]]], dtype=int).T
 
 
 def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarray:
@@ -129,7 +135,7 @@ def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarra
     """
     early, late = MIDDLE_OF_SWING
     least = []
-    for start, end in find_swings(contacts):
+    for start, end in find_swings(contacts).tolist():
         first = start + round(early * (end - start))
         last = start + round(late * (end - start))
         least.append(clearance[first : last + 1].min())

@@ -115,7 +115,7 @@ class LegRecord:
         ``skip``: number of strides at the start that do not count. Returns the first tick of each stride and
         of the next one, shape ``(n_strides, 2)``.
         """
-        return self._steady_strides(self.stride_events)[skip:]
+        return self._strides[skip:]
 
     def strides_by_phase(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
         """Return the strides by entry into the first phase, on ground too.
@@ -123,7 +123,15 @@ class LegRecord:
         ``skip``: number of strides at the start that do not count. Returns the first tick of each stride and
         of the next one, shape ``(n_strides, 2)``.
         """
-        return self._steady_strides(self.first_phase_entries)[skip:]
+        return self._strides_by_phase[skip:]
+
+    @cached_property
+    def _strides(self) -> np.ndarray:
+        return self._steady_strides(self.stride_events)
+
+    @cached_property
+    def _strides_by_phase(self) -> np.ndarray:
+        return self._steady_strides(self.first_phase_entries)
 
     def _steady_strides(self, events: np.ndarray) -> np.ndarray:
         """Return the strides between events that lie within one span of even walking."""

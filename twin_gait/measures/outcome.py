@@ -27,6 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.measures.effort import share_of_ticks
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.strides import coefficient_of_variation, stride_times
 from twin_gait.vocabulary import Outcome
@@ -85,7 +86,7 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
     ]
     if not loaded or len(loaded[0]) == 0:
         return 0.0
-    return float(np.mean(~np.any(loaded, axis=0)))
+    return share_of_ticks(~np.any(loaded, axis=0))
 
 
 def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:

@@ -21,6 +21,7 @@ import csv
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -97,7 +98,9 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
 
 def _power(values: np.ndarray, exponent: int) -> np.ndarray:
     """Raise values to a power by the C library; the powers of NumPy differ between processors."""
-    return np.array([math.pow(value, exponent) for value in values.flat]).reshape(values.shape)
+    if exponent < 2:  # exact everywhere
+        return np.asarray(values**exponent)
+    return np.array(list(map(math.pow, values.ravel().tolist(), repeat(exponent)))).reshape(values.shape)
 
 
 def _bernstein(

@@ -10,7 +10,6 @@ foot, a step from a heel strike of the other foot to one of this foot.
 import math
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from twin_gait.measures.effort import root_mean_square
 
@@ -18,6 +17,8 @@ SKIPPED_STRIDES = 2  # number of strides at the start of a walk in which it sett
 
 PERCENT = np.arange(101.0)  # [%] of the stride; the last sample is the first of the next stride
 PERCENT.setflags(write=False)
+# Samples of a cycle that is shifted by 0 to 99 %, a row each.
+_SHIFTED = np.add.outer(np.arange(100), np.arange(100)) % 100
 
 
 def stride_bounds(events: np.ndarray) -> np.ndarray:
@@ -50,10 +51,13 @@ def join_strides(bounds: np.ndarray) -> np.ndarray:
     ``bounds``: strides in ascending order, shape ``(n_strides, 2)``. Returns first tick of each walk and
     first tick after it, shape ``(m, 2)``, integers.
     """
-    gaps = (bounds[1:, 0] != bounds[:-1, 1]).nonzero()[0].tolist()
-    ends = [*gaps, len(bounds) - 1] if len(bounds) else []
-    begins = [0, *(gap + 1 for gap in gaps)] if len(bounds) else []
-    return np.array([bounds[begins, 0], bounds[ends, 1]]).T
+    walks: list[list[int]] = []
+    for start, end in bounds.tolist():
+        if walks and walks[-1][1] == start:
+            walks[-1][1] = end
+        else:
+            walks.append([start, end])
+    return np.array(walks, dtype=int).reshape(-1, 2)
 
 
 def is_in_stride(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
@@ -87,10 +91,17 @@ def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
     return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
 
 
+def mean(values: np.ndarray) -> float:
+    """Compute the mean of values, in their unit; NaN without values.
+
+    The result is that of ``values.mean()``, which takes three times as long for few values.
+    """
+    return float(values.sum() / len(values)) if len(values) else math.nan
+
+
 def finite_mean(values: np.ndarray) -> float:
     """Compute the mean of the values that are defined, in their unit; NaN without any."""
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else math.nan
+    return mean(values[np.isfinite(values)])
 
 
 def coefficient_of_variation(values: np.ndarray) -> float:
@@ -169,9 +180,8 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     difference = strides - healthy - offset
     unshifted = float(np.mean(difference * difference))
     # The squares of both curves do not change with the shift, so only their product depends on it.
-    mean, count = strides.mean(axis=0), len(healthy)
-    shifted = sliding_window_view(np.concatenate([mean, mean[:-1]]), count)
-    products = np.mean(shifted * healthy, axis=1)
+    mean_stride, count = strides.mean(axis=0), len(healthy)
+    products = np.mean(mean_stride[_SHIFTED] * healthy, axis=1)
     best = int(np.argmax(products))
     # Zero shift is among the candidates, so the difference is below zero by rounding only.
     timing = max(2.0 * float(products[best] - products[0]), 0.0)

@@ -28,6 +28,7 @@ from twin_gait.measures.foot_contact import CONTACT_FORCE, find_swings, is_loade
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.phases import phase_entries
+from twin_gait.measures.strides import mean
 from twin_gait.vocabulary import JointName, Side
 
 MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which one foot of a healthy walk carries the weight
@@ -82,14 +83,14 @@ def walk_measures(
     clearances = swing_clearances(leg.clearance, contacts)[counted]
     return {
         "cadence_per_min": strides.cadence(times),
-        "step_length_m": ground_speed(log, bounds, leg.tick) * _mean(counted_step_times(leg, other, bounds)),
-        "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
+        "step_length_m": ground_speed(log, bounds, leg.tick) * mean(counted_step_times(leg, other, bounds)),
+        "load_peak": mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_measures(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         "cop_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_cop_ratio"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances, default=math.nan)),
-        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
+        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway), bounds) * mean(times),
         **_swing(force, entries[strides.is_in_stride(entries, bounds)], bounds),
         "belt_power_W": -mean_over_strides(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),
@@ -115,10 +116,10 @@ def counted_step_times(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> 
 
 # Ends of the names of the log columns that the measures of a walk read in addition to time and phases.
 WALK_COLUMNS = (
-    "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm",
-    "_disturbance_torque_Nm", "_foot_normal_force_N", "_foot_friction_force_N", "_foot_cop_ratio",
-    "_foot_clearance_m", "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
-    "belt_speed_m_per_s",
+    *(f"_{joint}_angle_rad" for joint in JointName), "_wearer_angle_rad", "_velocity_rad_per_s",
+    "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm", "_disturbance_torque_Nm",
+    "_foot_normal_force_N", "_foot_friction_force_N", "_foot_cop_ratio", "_foot_clearance_m",
+    "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s", "belt_speed_m_per_s",
 )  # fmt: skip
 
 
@@ -134,11 +135,6 @@ def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
     position = np.asarray(log["pelvis_forward_m"])
     first, last = strides.join_strides(bounds).clip(max=len(log) - 1).T
     return float(np.sum(position[last] - position[first]) / (tick * np.sum(last - first)))
-
-
-def _mean(values: np.ndarray) -> float:
-    """Compute the mean; NaN without values."""
-    return float(values.mean()) if len(values) else math.nan
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -158,7 +154,7 @@ def mean_over_strides(signal: np.ndarray, bounds: np.ndarray) -> float:
     ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: strides, shape ``(n_strides, 2)``.
     Returns the mean in the unit of the signal; NaN without strides.
     """
-    return _mean(strides.values_in_strides(signal, bounds))
+    return mean(strides.values_in_strides(signal, bounds))
 
 
 def load_measures(cycle: np.ndarray) -> dict[str, float]:
@@ -203,7 +199,7 @@ def _fore_aft(
     force: np.ndarray, bounds: np.ndarray, tick: float, walkway: WalkConditions
 ) -> dict[str, float]:
     """Compute impulses, mean and peaks of the fore-aft force."""
-    time = _mean(strides.stride_times(bounds, tick))
+    time = mean(strides.stride_times(bounds, tick))
     return {
         "braking_impulse_Ns": time * mean_over_strides(np.minimum(force, 0.0), bounds),
         "propulsion_impulse_Ns": time * mean_over_strides(np.maximum(force, 0.0), bounds),
@@ -239,10 +235,10 @@ def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]
     hip, knee, ankle = (wearer_column(log, side, joint, "angle_rad") for joint in JointName)
     ankle_range = math.nan
     if ankle in log:
-        ankle_range = _mean(np.ptp(strides.stride_extremes(np.asarray(log[ankle]), bounds), axis=1))
+        ankle_range = mean(np.ptp(strides.stride_extremes(np.asarray(log[ankle]), bounds), axis=1))
     return {
         "ankle_range_deg": math.degrees(ankle_range),
-        "hip_lowest_deg": math.degrees(_mean(strides.stride_extremes(np.asarray(log[hip]), bounds)[:, 0])),
+        "hip_lowest_deg": math.degrees(mean(strides.stride_extremes(np.asarray(log[hip]), bounds)[:, 0])),
         **knee_shape(mean_stride(np.asarray(log[knee]), bounds)),
     }
 
@@ -264,10 +260,11 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) 
     loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
         return np.where(loaded, np.nan, 0.0)
-    ratio = np.abs(fore_aft) / (walkway.friction_coefficient * np.where(loaded, load, 1.0))
+    ratio = np.abs(fore_aft[loaded]) / (walkway.friction_coefficient * load[loaded])
+    speed = np.zeros(len(load))
     # Rounding keeps the hyperbolic tangent below 1 up to 18 transition velocities.
-    speed = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
-    return np.where(loaded, speed, 0.0)
+    speed[loaded] = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
+    return speed
 
 
 def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
@@ -277,7 +274,7 @@ def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[st
     """
     stride = np.searchsorted(bounds[:, 0], entries, side="right") - 1
     shares = (entries - bounds[stride, 0]) / (bounds[stride, 1] - bounds[stride, 0])
-    return {"swing_entry": _mean(shares), "swing_load_N": _mean(load[entries])}
+    return {"swing_entry": mean(shares), "swing_load_N": mean(load[entries])}
 
 
 def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Measures of one leg of a run for the summary."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,7 @@ from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
 from twin_gait.measures.walk import mean_stride
-from twin_gait.parameters.drives import ActuatorParameters, LimitParameters
+from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
@@ -30,16 +30,15 @@ def continuous_current(actuator: ActuatorParameters) -> float:
     return torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
 
 
-def reference_error(run: Run, angles: np.ndarray, joint: JointName, bounds: np.ndarray) -> float:
+def reference_error(run: Run, cycles: np.ndarray, joint: JointName) -> float:
     """Compute the RMS distance of strides from healthy walking in [deg]; NaN without strides or reference.
 
-    ``angles``: angles of the joint in [rad], one per tick; ``bounds``: first tick of each stride and of the
-    next one, shape ``(n_strides, 2)``.
+    ``cycles``: angles of the joint in [rad] at every percent of each stride, shape ``(n_strides, 101)``.
     """
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
         return math.nan
-    return math.degrees(strides.root_mean_square_error(strides.normalise_strides(angles, bounds), reference))
+    return math.degrees(strides.root_mean_square_error(cycles, reference))
 
 
 def _largest(values: np.ndarray) -> float:
@@ -51,14 +50,13 @@ def _largest_magnitude(values: np.ndarray) -> float:
     return float(finite[np.argmax(np.abs(finite))]) if len(finite) else math.nan
 
 
-def saturated_shares(run: Run) -> dict[str, float]:
-    """Compute the shares of the ticks at which motors of a run are at a limit, by their names in a summary.
+def saturated_shares(legs: Sequence["MeasuredLeg"]) -> dict[str, float]:
+    """Compute the shares of the ticks at which motors of legs are at a limit, by their names in a summary.
 
     ``worst_joint_saturated_share``: share of the ticks with the joint at a limit, for the worst joint;
     ``any_joint_saturated_share``: share of the ticks in which at least one joint is at a limit.
     """
-    legs = [MeasuredLeg(run, record) for record in run.leg_records()]
-    cases = [leg.saturation_mask(joint) for leg in legs for joint in leg.record.angles]
+    cases = [joint["saturated"] for leg in legs for joint in leg.saturation_cases.values()]
     return {
         "worst_joint_saturated_share": max(map(effort.share_of_ticks, cases)),
         "any_joint_saturated_share": effort.share_of_ticks(np.any(cases, axis=0)),
@@ -124,13 +122,21 @@ class MeasuredLeg:
         ankle = wearer_column(log, self.record.side, JointName.ANKLE, "angle_rad")
         return angles | ({JointName.ANKLE: np.asarray(log[ankle])} if ankle in log else {})
 
+    @cached_property
+    def cycles(self) -> dict[JointName, np.ndarray]:
+        """Angles of :meth:`reference_joint_angles` at every percent of the counted strides."""
+        return self._cycles(self.reference_joint_angles(), self.strides)
+
+    @staticmethod
+    def _cycles(angles: Mapping[JointName, np.ndarray], bounds: np.ndarray) -> dict[JointName, np.ndarray]:
+        return {joint: strides.normalise_strides(signal, bounds) for joint, signal in angles.items()}
+
     def error_parts(self) -> dict[str, Any]:
         """Return the parts of the errors of hip, knee and ankle; empty without a healthy reference."""
         found = {}
-        for joint, angles in self.reference_joint_angles().items():
+        for joint, cycles in self.cycles.items():
             reference = reference_cycle(self.run.experiment, joint)
             if reference is not None:
-                cycles = strides.normalise_strides(angles, self.strides)
                 found[str(joint)] = strides.error_parts(cycles, reference)
         return {"errors": found} if found else {}
 
@@ -154,7 +160,7 @@ class MeasuredLeg:
             "stride_time_variation": strides.coefficient_of_variation(times),
             "swing_share": finite_mean(strides.swing_shares(self.strides, contacts.toe_offs)),
             "double_support_share": self.double_support_share(),
-            **self._reference_errors("contact", self.strides),
+            **self._reference_errors("contact", self.cycles),
             "early_stance_lag_mean_s": finite_mean(lags),
             "early_stance_lag_max_abs_s": _largest_magnitude(lags),
             "heel_strikes_without_early_stance": int(missed.sum()),
@@ -175,7 +181,7 @@ class MeasuredLeg:
             "strides_by_phase": len(record.strides_by_phase(skip=0)),
             "strides_by_phase_counted": len(counted),
             "stride_time_by_phase_mean_s": finite_mean(strides.stride_times(counted, TICK)),
-            **self._reference_errors("phase", counted),
+            **self._reference_errors("phase", self._cycles(record.angles, counted)),
             "phases_in_order": self.phases_in_order(),
             "phase_duration_mean_s": {
                 name: finite_mean(durations.get(index, np.zeros(0)))
@@ -185,10 +191,10 @@ class MeasuredLeg:
             "timeouts_after_third_stride": sum(t >= settled[0] for t in timeouts) if len(settled) else None,
         }
 
-    def _reference_errors(self, begin: str, bounds: np.ndarray) -> dict[str, float]:
+    def _reference_errors(self, begin: str, cycles: Mapping[JointName, np.ndarray]) -> dict[str, float]:
         return {
-            f"rmse_{joint}_by_{begin}_deg": reference_error(self.run, angles, joint, bounds)
-            for joint, angles in self.record.angles.items()
+            f"rmse_{joint}_by_{begin}_deg": reference_error(self.run, cycles[joint], joint)
+            for joint in self.record.angles
         }
 
     def phases_in_order(self) -> bool:
@@ -214,7 +220,7 @@ class MeasuredLeg:
     def effort(self, joint: JointName) -> dict[str, float]:
         """Return measures of the motion of a joint and of the effort of its motor."""
         actuator = self.run.experiment.plant.actuators[joint]
-        found = {**self.motion(joint), **self.saturation(joint)}
+        found = {**self.motion(joint), **effort.saturation_shares(self.saturation_cases[joint])}
         for quantity, unit, values, continuous in (
             ("torque", "Nm", self.column(joint, "motor_torque_Nm"), actuator.continuous_torque),
             ("current", "A", self.column(joint, "measured_current_A"), continuous_current(actuator)),
@@ -233,19 +239,19 @@ class MeasuredLeg:
             "peak_deg": finite_mean(peak),
         }
 
-    def _drive_signals(self, joint: JointName) -> tuple[np.ndarray, np.ndarray, np.ndarray, LimitParameters]:
-        """Return command, target current and current of a motor at every tick, and the limits."""
-        command = self.column(joint, "motor_command_torque_Nm")
-        target, current = self.column(joint, "target_current_A"), self.column(joint, "measured_current_A")
-        return command, target, current, self.run.experiment.control.limits
-
-    def saturation_mask(self, joint: JointName) -> np.ndarray:
-        """Return whether a motor is at a limit of torque, current or voltage, at every tick."""
-        return effort.saturation_cases(*self._drive_signals(joint))["saturated"]
-
-    def saturation(self, joint: JointName) -> dict[str, float]:
-        """Compute the shares of the ticks in which a motor is at a limit."""
-        return effort.saturation_shares(*self._drive_signals(joint))
+    @cached_property
+    def saturation_cases(self) -> dict[JointName, dict[str, np.ndarray]]:
+        """Whether each motor is at a limit at every tick, see :func:`effort.saturation_cases`."""
+        limits = self.run.experiment.control.limits
+        return {
+            joint: effort.saturation_cases(
+                self.column(joint, "motor_command_torque_Nm"),
+                self.column(joint, "target_current_A"),
+                self.column(joint, "measured_current_A"),
+                limits,
+            )
+            for joint in self.record.angles
+        }
 
     def double_support_share(self) -> float:
         """Compute the share of the counted strides with both feet loaded; NaN for a single leg."""

@@ -18,7 +18,7 @@ from twin_gait.files import to_json_value
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
-from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
+from twin_gait.measures.strides import SKIPPED_STRIDES, normalise_strides, symmetry_index
 from twin_gait.parameters.drives import STATED_AUTONOMY
 from twin_gait.report.formatting import describe
 from twin_gait.report.reference import reference_measures
@@ -49,10 +49,8 @@ def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str,
     ``skip_strides``: number of strides at the start that are not counted.
     """
     walk = run.walk_measures(skip=skip_strides)
-    sides = {
-        str(record.side): MeasuredLeg(run, record, skip_strides).summary(walk.get(record.side))
-        for record in run.leg_records()
-    }
+    legs = [MeasuredLeg(run, record, skip_strides) for record in run.leg_records()]
+    sides = {str(leg.record.side): leg.summary(walk.get(leg.record.side)) for leg in legs}
     refused = [answer.text for answer in run.request_results if answer.rejection]
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
@@ -72,7 +70,7 @@ def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str,
         "sides": sides,
         **_walk_summary(run, walk, skip_strides),
         "symmetry": _symmetry_indices(sides),
-        **saturated_shares(run),
+        **saturated_shares(legs),
         **battery_summary(run),
         "safety": _safety_summary(run),
         **({} if run.experiment.modes is None else {"requests_rejected": " | ".join(refused)}),
@@ -173,7 +171,8 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
             interaction[name] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
         device = run.leg_record(side, device=True)
         for joint, angles in device.angles.items():
-            error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
+            cycles = normalise_strides(angles, device.strides(skip=skip_strides))
+            error = reference_error(run, cycles, joint)
             interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
     if force in log:
         rms, peak, apart = _brace_measures(log, force, "pelvis_height_m", height)

@@ -36,6 +36,8 @@ class LaneEngine:
         self.engines = engines
         self._loop = lane_loop(engines[0])
         self._block = interleave([engine.store for engine in engines])
+        # Views of the block, because the position of a number is slow to find.
+        self._status, self._first_row = self._numbers("episode.status"), self._numbers("recording.first_row")
         self._totals = np.array([engine.setup.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
 
@@ -47,18 +49,19 @@ class LaneEngine:
         began = time.perf_counter()
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording.on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
-        # Separate arrays, so that the memory of each is freed with its run.
-        logs = [np.empty((len(kept), total if record else 0)) for total in self._totals]
+        logs = np.empty((len(self.engines), len(kept), int(self._totals.max()) if record else 0))
         rows = np.zeros((_CHUNK_TICKS if record else 1, width, WIDTH))
+        chunk = np.empty((len(rows), len(kept), WIDTH))
         self._numbers("recording.log")[:] = rows.ctypes.data
         running, done = np.arange(len(self.engines)), 0
         while len(running) >= MIN_BLOCK_SIZE:
             end = int(self._totals[running].min())
             begin, done = done, self._run_ticks(done, min(end, done + _CHUNK_TICKS) if record else end)
             if record:
-                part = rows[: done - begin, kept]
-                for lane in running.tolist():
-                    logs[lane][:, begin:done] = part[:, :, lane].T
+                part = chunk[: done - begin]
+                rows[: done - begin].take(kept, axis=1, out=part, mode="clip")  # "raise" needs a buffer
+                # The lane of an ended episode is copied too; its log ends before these ticks.
+                logs[:, :, begin:done] = part[:, :, : len(logs)].T
             running = self._take_out(running, done)
         for lane in running.tolist():
             self._finish(lane, done, logs[lane], kept)
@@ -70,12 +73,12 @@ class LaneEngine:
 
     def _run_ticks(self, first: int, end: int) -> int:
         """Run ticks ``first`` to ``end`` - 1, fewer if an episode ends; their rows begin at row 0."""
-        self._numbers("recording.first_row")[:] = first
+        self._first_row[:] = first
         return self._loop(self._block.ctypes.data, first, end)
 
     def _take_out(self, running: np.ndarray, done: int) -> np.ndarray:
         """Copy the records of ended lanes to their engines, or all if few are left; return running lanes."""
-        over = (self._numbers("episode.status")[running] != COMPLETED) | (self._totals[running] == done)
+        over = (self._status[running] != COMPLETED) | (self._totals[running] == done)
         if not over.any():
             return running
         self._ends[running[over]] = done

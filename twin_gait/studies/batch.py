@@ -1,8 +1,8 @@
 """Many episodes of one experiment, each with a few values of its own, as one table.
 
-Memory grows with the length of a batch by the rows of its table only (6–11 kB each, measured over 2500
-episodes on the bench and 350 on the treadmill). A log exists until its row is computed, and contains only the
-columns that the row needs.
+Memory grows with the length of a batch by the rows of its table (6–11 kB each, measured over 2500 episodes on
+the bench and 350 on the treadmill) and by its experiments (3 kB each with three values of their own). A log
+exists until its row is computed, and contains only the columns that the row needs.
 """
 
 import json
@@ -82,6 +82,10 @@ def run_episodes(
         raise ParameterError(f"{episode_name(error.index)}: {error.problem}") from error
 
 
+def _itself(experiment: Experiment) -> Experiment:
+    return experiment
+
+
 def _measured(
     experiment_of: Callable[[Item], Experiment],
     measure: Callable[[Run], Result],
@@ -124,7 +128,7 @@ Named = Mapping[str, Mapping[str, Any]]
 
 # Endings of the log columns that :func:`flat_summary` reads, in addition to time and phases.
 SUMMARY_LOG_COLUMNS = (
-    "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
+    "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
     "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
     "_work_J", *WALK_COLUMNS,
 )  # fmt: skip
@@ -158,11 +162,11 @@ def simulate_batch(
     episode cannot be simulated, or the number of workers is invalid.
     """
     base = attach_document(experiment)
-    for index, override in enumerate(overrides):
-        apply_override(base, override, f"episode {index}")
-    experiment_of = partial(apply_override, base)
+    experiments = [
+        apply_override(base, override, f"episode {index}") for index, override in enumerate(overrides)
+    ]
     rows = run_episodes(
-        experiment_of, flat_summary, overrides, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
+        _itself, flat_summary, experiments, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
     )
     return results_table(overrides, summary_table(rows))
 
@@ -237,20 +241,21 @@ def flat_summary(run: Run) -> FlatSummary:
     value depends on the speed of the machine. The log must contain the columns ``SUMMARY_LOG_COLUMNS``.
     """
     trip, walk = run.trip, run.walk_measures()
+    legs = [MeasuredLeg(run, record) for record in run.leg_records()]
     power = run.walk_power(legs=walk) or {}
     whole = {
         **{"status": run.status, "outcome": run.verdict.outcome, "fell": run.status is RunStatus.FELL},
         **{"seed": run.experiment.seed, "duration_s": run.duration},
         **battery_summary(run),
         **energy_summary(run),
-        **saturated_shares(run),
+        **saturated_shares(legs),
         **{f"power_{name}": value for name, value in power.items()},
         **({} if trip is None else {"trip_cause": str(trip.cause), "trip_location": trip.location}),
         **({} if trip is None else {"trip_time_s": trip.time}),
     }
     flat = {name: whole.get(name) for name in _RUN}
-    for side in run.sides:
-        leg = MeasuredLeg(run, run.leg_record(side))
+    for leg in legs:
+        side = leg.record.side
         errors = leg.error_parts().get("errors", {})
         values = {**leg.brief_summary(), **walk.get(side, {})}
         for joint, parts in errors.items():

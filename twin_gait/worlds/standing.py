@@ -134,8 +134,8 @@ def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
     """Compute the least vertical height of a foot over ground through the origin."""
-    points = np.array(model.frame_positions(q, model.legs[side].contact_frames))
-    return float(min((points[:, 2] - rise * points[:, 0]).tolist()))
+    points = model.frame_positions(q, model.legs[side].contact_frames)
+    return float(min(height - rise * ahead for ahead, _, height in map(np.ndarray.tolist, points)))
 
 
 def new_seat(model: LegModel, chair: ChairParameters) -> Seat:

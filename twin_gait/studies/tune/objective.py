@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.files import finite_or_none
-from twin_gait.measures.effort import root_mean_square
+from twin_gait.measures.effort import root_mean_square, share_of_ticks
 from twin_gait.measures.strides import normalise_strides, symmetry_index
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg
@@ -93,7 +93,7 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
     """
     joints, strides = list(leg.record.angles), contact["strides"] or math.nan
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
-    limits = [leg.saturation(joint)["saturated_share"] for joint in joints]
+    limits = [share_of_ticks(leg.saturation_cases[joint]["saturated"]) for joint in joints]
     switches = [leg.torque_at_switches(joint) for joint in joints]
     apart = leg.error_parts().get("errors", {})
     errors = {f"{joint}_error_deg": parts["total_deg"] for joint, parts in apart.items()}
