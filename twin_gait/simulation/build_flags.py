@@ -23,7 +23,6 @@ WITH_ANKLES = False  # Legs have ankles.
 WITH_RK4 = False  # The integration is a Runge-Kutta method.
 WITH_SEAT = False  # There is a seat.
 WITH_SLOPE = False  # The ground has a slope.
-WITH_WEARER = False  # The wearer has passive moments or muscles.
 WITH_FAULTS = False  # The run has faults.
 WITH_DELAY = False  # Commands are delayed.
 WITH_NETWORK = False  # Boards and gait controller communicate over a bus.
@@ -58,7 +57,6 @@ def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
         "WITH_FAULTS": bool(experiment.faults),
         "WITH_SUPERVISOR": experiment.modes is not None,
         "WITH_INERTIA_COMPENSATION": control.inertia_compensation > 0.0,
-        "WITH_WEARER": bool(setup.limbs[0].moments),
         **setup.controller.build_flags(),
         "WITH_DELAY": control.delay_ticks > 0,
         "WITH_SLOPE": setup.world.slope != 0.0,

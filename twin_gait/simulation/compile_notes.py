@@ -31,7 +31,6 @@ _WORDS = {
     "N_CRUTCHES": "crutches",
     "WITH_SEAT": "chair",
     "WITH_FAULTS": "faults",
-    "WITH_WEARER": "moments of the wearer",
     "WITH_DELAY": "delayed commands",
     "WITH_SLOPE": "slope",
     "WITH_INERTIAL_UNIT": "inertial unit",

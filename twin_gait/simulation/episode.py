@@ -187,6 +187,7 @@ class Episode:
     fall_pitch: float  # Absolute pitch of the trunk beyond which the wearer has fallen, in [rad].
     max_reach: float  # Length of arm and crutch beyond which a hand has lost its crutch, in [m].
     watching: bool  # Whether the safety monitor is on.
+    has_wearer_torques: bool  # Whether the wearer has passive moments, a stretch reflex or an effort.
     first_fault: int  # First tick with a fault.
     q: list[float]  # Coordinates in [rad] and [m].
     v: list[float]  # Velocities in [rad] / [s] and [m] / [s].

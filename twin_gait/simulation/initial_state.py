@@ -72,6 +72,7 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         gravity=experiment.plant.gravity,
         fall_height=float(world.fall_height),
         watching=experiment.control.safety.enabled,
+        has_wearer_torques=not all(limb.condition.is_torque_free for limb in setup.limbs),
         first_fault=min((fault.start_tick for fault in faults), default=NEVER),
         q=world.start_q.tolist(),
         v=world.start_v.tolist(),
