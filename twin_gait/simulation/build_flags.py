@@ -27,7 +27,6 @@ WITH_FAULTS = False  # The run has faults.
 WITH_DELAY = False  # Commands are delayed.
 WITH_NETWORK = False  # Boards and gait controller communicate over a bus.
 WITH_CENTRAL_IMPEDANCE = False  # The gait controller computes the springs.
-WITH_INERTIAL_UNIT = False  # An inertial unit estimates the pitch of the trunk.
 
 # All build flags of this module, which conditions of a schedule may contain.
 FLAGS = {name: value for name, value in globals().items() if name.isupper()}
@@ -61,7 +60,6 @@ def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
         "WITH_DELAY": control.delay_ticks > 0,
         "WITH_SLOPE": setup.world.slope != 0.0,
         "WITH_NETWORK": experiment.network is not None,
-        "WITH_INERTIAL_UNIT": setup.inertial,
         "WITH_CENTRAL_IMPEDANCE": experiment.network is not None
         and experiment.network.impedance is ImpedanceLocation.CCU,
     }

@@ -33,7 +33,6 @@ _WORDS = {
     "WITH_FAULTS": "faults",
     "WITH_DELAY": "delayed commands",
     "WITH_SLOPE": "slope",
-    "WITH_INERTIAL_UNIT": "inertial unit",
     "WITH_INERTIA_COMPENSATION": "inertia compensation",
     "WITH_RK4": "Runge-Kutta integration",
     "PELVIS_INDEX": "moving pelvis",

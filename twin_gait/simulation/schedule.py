@@ -31,7 +31,7 @@ SENSE = (
         device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}
     ),
     when("N_POINTS_PER_FOOT > 0", sensors.compute_contact_forces, feet(sensors.read_load)),
-    when("WITH_INERTIAL_UNIT", sensors.measure_pitch),
+    when("PITCH_INDEX >= 0 and has_inertial_unit", sensors.measure_pitch),
     sensors.read_trunk,
 )
 
@@ -147,6 +147,7 @@ NAMES = ScheduleNames(
         "decimation": "{e}.rates.decimation",
         "watching": "{e}.watching",
         "has_wearer_torques": "{e}.has_wearer_torques",
+        "has_inertial_unit": "{e}.has_inertial_unit",
         "recording": "{e}.recording.on",
     },
     flags={**device.FLAGS, **build_flags.FLAGS},
