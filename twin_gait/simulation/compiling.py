@@ -36,7 +36,9 @@ _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
 # Functions that few episodes need. The loop of a single episode calls them, because inlining them would make
 # the other episodes up to 3 % slower.
-CALLED = frozenset({"add_wearer_torques"})
+CALLED = frozenset(
+    "add_wearer_torques faulty_angle faulty_load add_runaway_torque _drive_faulty _dip".split()
+)
 _ENDLESS = 1 << 40  # Upper bound of the number of rows at an address; the caller has the real number.
 
 

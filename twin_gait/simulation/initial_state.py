@@ -12,6 +12,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import ContactState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, ImpedanceSetpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
+from twin_gait.core.faults import FaultRecord
 from twin_gait.core.guards import CompiledComparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
@@ -37,6 +38,7 @@ from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN,
 from twin_gait.worlds.arm_policy import LEANING, REACHING_BACK, RISING, SITTING, SITTING_DOWN
 
 MOST_SWITCHES_PER_SECOND = 200
+MOST_FAULTS = 16  # Most faults that can be injected; a run without faults has room for them.
 # Lists are padded to a multiple of this, so that gait tables of similar size share one loop.
 _CAPACITY = 16
 # Perceived state of sitting on a chair, by phase.
@@ -103,7 +105,7 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
         braced=[*(joint.coordinate for joint in setup.joints), *passive],
-        faults=faults,
+        faults=faults or [FaultRecord(0, -1, NEVER, 0.0)] * MOST_FAULTS,
         requests=_requests(setup),
         trunk_unit=ABSENT if world.model.pitch_index is None else _trunk_unit(setup),
         swing_phases=[float(setup.table.is_swing(name)) for name in phases if world.arms],
