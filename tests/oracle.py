@@ -415,7 +415,7 @@ def _require_known(problem: SimulationSetup) -> None:
     assert control.inertia_compensation == 0.0
     assert not experiment.faults
     assert all(isinstance(law, FrictionParameters) for law in experiment.plant.friction.values())
-    assert not any(limb.moments for limb in problem.limbs)
+    assert all(limb.condition.is_torque_free for limb in problem.limbs)
     assert world.braces is None
     assert world.slope == 0.0
     assert world.imposed_motion is None

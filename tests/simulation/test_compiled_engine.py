@@ -25,11 +25,12 @@ from twin_gait.kernels import rigid_body
 from twin_gait.kernels.generated import KernelBodies, body_values, kernel_key, write_kernel
 from twin_gait.kernels.tracing import Trace, TraceStep, rename_results, symbolic_sine_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import code_cache
+from twin_gait.simulation import code_cache, compiled_engine
 from twin_gait.simulation.compiled_engine import CompiledEngine, assemble, kernel_names
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.simulation_setup import build_setup
+from twin_gait.simulation.stepping import SteppedRun
 
 GRAVITY = 9.81
 
@@ -340,6 +341,30 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     after = run()
     assert before != after
     assert abs(after) < abs(before)
+
+
+@pytest.mark.parametrize(
+    ("preset", "setting"),
+    [
+        ("treadmill", "patient=stroke_left"),
+        ("treadmill", "patient=complete_sci"),
+        ("bench_leg", "patient=stroke_left"),
+        ("overground", "sensors.ideal=false"),
+    ],
+)
+def test_a_setting_of_the_run_needs_no_other_loop(preset, setting, monkeypatch):
+    monkeypatch.setattr(compiled_engine, "load_or_compile_loop", lambda *arguments: None)
+    plain, changed = (
+        CompiledEngine(build_setup(load_experiment(preset, settings).experiment)).specialization_key
+        for settings in ([], [setting])
+    )
+    assert plain == changed
+
+
+def test_a_live_session_with_room_for_faults_needs_no_other_loop(monkeypatch):
+    monkeypatch.setattr(compiled_engine, "load_or_compile_loop", lambda *arguments: None)
+    setup = build_setup(load_experiment("bench_leg").experiment)
+    assert SteppedRun(setup).engine.specialization_key == CompiledEngine(setup).specialization_key
 
 
 def test_an_edit_of_any_source_changes_the_key(tmp_path, monkeypatch):

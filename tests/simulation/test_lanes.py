@@ -286,7 +286,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
     before = words.copy()
     engine.run_ticks(1, 1500, rows)
     assert np.array_equal(words[shared], before[shared])
-    assert (words[~shared] != before[~shared]).mean() > 0.1
+    assert (words[~shared] != before[~shared]).mean() > 0.05
     assert (engine.trip() is not None) == ("trip" in name)
 
 

@@ -13,12 +13,12 @@ from scipy import stats
 from table_builder import FIVE_PHASES
 
 from twin_gait.configuration.experiments import load_experiment
-from twin_gait.experiment.experiment import Experiment, Integration
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import override_experiment
 from twin_gait.studies.tune.objective import term_values
-from twin_gait.studies.tune.walks import LARGEST_QUICK_STEP, QUICK_METHOD, build_cases
+from twin_gait.studies.tune.walks import build_cases
 from twin_gait.vocabulary import Side
 
 SEEDS = range(4)
@@ -39,8 +39,7 @@ TUNED_IN = (
 
 def walked(experiment: Experiment) -> list[dict[str, float | None]]:
     """Parts of noisy walks, one a seed; a fall fails the test."""
-    quick = Integration(method=QUICK_METHOD, step=LARGEST_QUICK_STEP)
-    noisy = replace(override_experiment(experiment, NOISE), integration=quick)
+    noisy = override_experiment(experiment, NOISE)
     runs = [simulate(replace(noisy, seed=seed, duration=WALK)) for seed in SEEDS]
     assert all(run.status is RunStatus.COMPLETED for run in runs)
     return [term_values(run) for run in runs]

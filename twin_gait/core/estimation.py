@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from twin_gait.core.elementary import settled_share
 
-# The buffer is a multiple of this, so that delays up to the next multiple share a compiled loop.
 _CAPACITY_STEP = 16
 
 
@@ -42,9 +41,12 @@ class DelayLine:
     samples: list[float]  # Ring buffer of the samples; longer than the delay.
 
 
-def new_delay_line(delay: int, first: float = 0.0) -> DelayLine:
-    """Create a delay line of the given delay in samples, 0 or more, filled with one value."""
-    return DelayLine(delay, [first] * ((delay // _CAPACITY_STEP + 1) * _CAPACITY_STEP))
+def new_delay_line(delay: int, first: float = 0.0, capacity_step: int = _CAPACITY_STEP) -> DelayLine:
+    """Create a delay line of the given delay in samples, 0 or more, filled with one value.
+
+    Its buffer is a multiple of ``capacity_step``; delays below the next multiple share a compiled loop.
+    """
+    return DelayLine(delay, [first] * ((delay // capacity_step + 1) * capacity_step))
 
 
 def delayed_sample(line: DelayLine, number: int, sample: float) -> float:

@@ -103,7 +103,7 @@ def noise_row(e: object, tick: int) -> Sequence[float]:
     """Return the random numbers of a tick.
 
     These are the errors of the encoders in [rad], noise and offset, by joint; the shares of the wearer's
-    efforts, by limb; and with an inertial unit the noise of its gyroscope in [rad/s] and of its
-    accelerometer in [m/s²].
+    efforts, by limb; and if the trunk is free the noise of a gyroscope in [rad/s] and of an accelerometer
+    in [m/s²].
     """
     raise NotImplementedError

@@ -1,6 +1,8 @@
 """Build flags: constants that a loop is bound to; code that they exclude is not compiled.
 
-The steps import these names; :mod:`twin_gait.simulation.binding` replaces them by those of a setup.
+The steps import these names; :mod:`twin_gait.simulation.binding` replaces them by those of a setup. Every
+combination of flags is compiled, so a feature that costs less than 1 % of a tick where it is off is no flag
+but a field of the record, such as ``has_wearer_torques``.
 """
 
 from typing import TypeAlias
@@ -23,12 +25,10 @@ WITH_ANKLES = False  # Legs have ankles.
 WITH_RK4 = False  # The integration is a Runge-Kutta method.
 WITH_SEAT = False  # There is a seat.
 WITH_SLOPE = False  # The ground has a slope.
-WITH_WEARER = False  # The wearer has passive moments or muscles.
-WITH_FAULTS = False  # The run has faults.
+WITH_FAULTS = True  # There may be faults; False for a block of episodes without faults.
 WITH_DELAY = False  # Commands are delayed.
 WITH_NETWORK = False  # Boards and gait controller communicate over a bus.
 WITH_CENTRAL_IMPEDANCE = False  # The gait controller computes the springs.
-WITH_INERTIAL_UNIT = False  # An inertial unit estimates the pitch of the trunk.
 
 # All build flags of this module, which conditions of a schedule may contain.
 FLAGS = {name: value for name, value in globals().items() if name.isupper()}
@@ -55,15 +55,13 @@ def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
         "FRICTION_INDICES": tuple(i for i, law in enumerate(laws) if law == friction.ROTATIONAL),
         "GEAR_INDICES": tuple(i for i, law in enumerate(laws) if law != friction.FRICTIONLESS),
         "WITH_RK4": experiment.resolved_integration.method is IntegrationMethod.RK4,
-        "WITH_FAULTS": bool(experiment.faults),
+        "WITH_FAULTS": True,
         "WITH_SUPERVISOR": experiment.modes is not None,
         "WITH_INERTIA_COMPENSATION": control.inertia_compensation > 0.0,
-        "WITH_WEARER": bool(setup.limbs[0].moments),
         **setup.controller.build_flags(),
         "WITH_DELAY": control.delay_ticks > 0,
         "WITH_SLOPE": setup.world.slope != 0.0,
         "WITH_NETWORK": experiment.network is not None,
-        "WITH_INERTIAL_UNIT": setup.inertial,
         "WITH_CENTRAL_IMPEDANCE": experiment.network is not None
         and experiment.network.impedance is ImpedanceLocation.CCU,
     }

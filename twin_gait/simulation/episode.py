@@ -186,6 +186,8 @@ class Episode:
     fall_pitch: float  # Absolute pitch of the trunk beyond which the wearer has fallen, in [rad].
     max_reach: float  # Length of arm and crutch beyond which a hand has lost its crutch, in [m].
     watching: bool  # Whether the safety monitor is on.
+    has_wearer_torques: bool  # Whether the wearer has passive moments, a stretch reflex or an effort.
+    has_inertial_unit: bool  # Whether an inertial unit estimates the pitch of the trunk.
     first_fault: int  # First tick with a fault.
     q: list[float]  # Coordinates in [rad] and [m].
     v: list[float]  # Velocities in [rad/s] and [m/s].
@@ -219,7 +221,7 @@ class Episode:
     requests: list[TimedCommand]  # Requests to the supervisor, with spare entries; empty without modes.
     recording: Recording
     trunk: Trunk  # Trunk, if its pitch is free.
-    trunk_unit: TrunkUnit  # Inertial measurement unit of the trunk, if the pitch is not measured exactly.
+    trunk_unit: TrunkUnit  # Inertial measurement unit of the trunk, if its pitch is free.
     arms: list[Arm]  # Arms with a crutch.
     policy: ArmPolicy  # Parameters of the use of the crutches.
     perception: Perception  # Delayed perception of the wearer, on which the use of the arms depends.

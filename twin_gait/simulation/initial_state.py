@@ -12,6 +12,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import ContactState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, ImpedanceSetpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
+from twin_gait.core.faults import FaultRecord
 from twin_gait.core.guards import CompiledComparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
@@ -37,6 +38,7 @@ from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN,
 from twin_gait.worlds.arm_policy import LEANING, REACHING_BACK, RISING, SITTING, SITTING_DOWN
 
 MOST_SWITCHES_PER_SECOND = 200
+MOST_FAULTS = 16  # Largest number of faults that can be injected; a run without faults has room for them.
 # Lists are padded to a multiple of this length, so that gait tables of similar size share one compiled loop.
 _CAPACITY = 16
 # State of sitting on a chair that the wearer perceives in a phase.
@@ -72,6 +74,8 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         gravity=experiment.plant.gravity,
         fall_height=float(world.fall_height),
         watching=experiment.control.safety.enabled,
+        has_wearer_torques=not all(limb.condition.is_torque_free for limb in setup.limbs),
+        has_inertial_unit=setup.inertial,
         first_fault=min((fault.start_tick for fault in faults), default=NEVER),
         q=world.start_q.tolist(),
         v=world.start_v.tolist(),
@@ -101,9 +105,9 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
         braced=[*(joint.coordinate for joint in setup.joints), *passive],
-        faults=faults,
+        faults=faults or [FaultRecord(0, -1, NEVER, 0.0)] * MOST_FAULTS,
         requests=_requests(setup),
-        trunk_unit=_trunk_unit(setup) if setup.inertial else ABSENT,
+        trunk_unit=ABSENT if world.model.pitch_index is None else _trunk_unit(setup),
         swing_phases=[float(setup.table.is_swing(name)) for name in phases if world.arms],
         chair_phases=[CHAIR_CODES.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
         recording=episode.Recording(most_switches, len(setup.noise)),

@@ -112,7 +112,7 @@ def block_key(engine: EpisodeEngine) -> Hashable | None:
     if engine.user_functions or engine.build_flags["WITH_OTHER_FRICTION_LAWS"]:
         return None
     words = engine.store.view(np.int64)
-    return engine.loop, words[shared_words(engine.store.dtype)].tobytes()
+    return engine.loop, has_faults(engine), words[shared_words(engine.store.dtype)].tobytes()
 
 
 def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
@@ -124,6 +124,7 @@ def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
 
         rows = len(engine.layout.names), engine.noise.shape[1]
         names = {**loop_names(engine), **LANE_DRIVERS, **lane_names(engine.store.dtype, *rows)}
+        names["WITH_FAULTS"] = has_faults(engine)
         return compile_loop(run_ticks_at, names, pipeline=LanePipeline)
 
     return cached_loop(_key_of(engine), make, on_compile)
@@ -135,4 +136,9 @@ def is_lane_loop_cached(engine: EpisodeEngine) -> bool:
 
 
 def _key_of(engine: CompiledEngine) -> str:
-    return source_key(f"in lanes {engine.specialization_key}")
+    return source_key(f"in lanes {engine.specialization_key} {{'WITH_FAULTS': {has_faults(engine)}}}")
+
+
+def has_faults(engine: CompiledEngine) -> bool:
+    """Return whether a block contains the code for faults, which prevents vector code."""
+    return bool(engine.setup.experiment.faults)

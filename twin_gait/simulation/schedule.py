@@ -31,7 +31,7 @@ SENSE = (
         device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}
     ),
     when("N_POINTS_PER_FOOT > 0", sensors.compute_contact_forces, feet(sensors.read_load)),
-    when("WITH_INERTIAL_UNIT", sensors.measure_pitch),
+    when("PITCH_INDEX >= 0 and has_inertial_unit", sensors.measure_pitch),
     sensors.read_trunk,
 )
 
@@ -78,9 +78,9 @@ ACT = (
         "WITH_NETWORK",
         scalar_steps(joints(network.send_frames), network.carry_frames, joints(network.store_frames)),
     ),
-    when("WITH_WEARER", limbs(environment.reset_external_torque)),
+    when("has_wearer_torques", limbs(environment.reset_external_torque)),
     joints(environment.push),
-    when("WITH_WEARER", legs(environment.add_wearer_torques)),
+    when("has_wearer_torques", legs(environment.add_wearer_torques)),
     when("N_CRUTCHES > 0", scalar_steps(environment.update_arms)),
     when("WITH_SEAT", environment.place_chair),
     environment.lock_harness,
@@ -146,6 +146,8 @@ NAMES = ScheduleNames(
         "tick": "tick",
         "decimation": "{e}.rates.decimation",
         "watching": "{e}.watching",
+        "has_wearer_torques": "{e}.has_wearer_torques",
+        "has_inertial_unit": "{e}.has_inertial_unit",
         "recording": "{e}.recording.on",
     },
     flags={**device.FLAGS, **build_flags.FLAGS},

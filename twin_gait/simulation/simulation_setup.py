@@ -61,7 +61,8 @@ class SimulationSetup:
         """Noise of every tick, shape ``(n_ticks or 1, n)``, drawn when it is first read.
 
         The columns are noise plus offset of each encoder in [rad], the relative noise of each of the wearer's
-        efforts and, with an inertial unit, its noise. The noise of an hour takes 0.3 GB and some seconds.
+        efforts and, if the trunk is free, the noise of its inertial unit. The noise of an hour takes 0.3 GB
+        and some seconds.
         """
         experiment, sensors, patient = self.experiment, self.experiment.sensors, self.experiment.patient
 
@@ -69,7 +70,8 @@ class SimulationSetup:
             generator = np.random.default_rng((experiment.seed, *stream) if stream else experiment.seed)
             return np.asarray(scale * generator.standard_normal((experiment.n_ticks, width)))
 
-        encoders, efforts, readings = self.offset[None, :], np.zeros((1, len(self.limbs))), np.zeros((1, 0))
+        encoders, efforts = self.offset[None, :], np.zeros((1, len(self.limbs)))
+        readings = np.zeros((1, 0 if self.world.model.pitch_index is None else 3))
         if not sensors.ideal and sensors.angle_noise > 0.0:
             encoders = drawn(sensors.angle_noise, len(self.offset)) + self.offset
         if patient is not None and patient.effort_noise > 0.0:

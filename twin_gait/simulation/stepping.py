@@ -24,6 +24,7 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.initial_state import MOST_FAULTS
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.request_results import RequestResult, request_result
@@ -34,7 +35,6 @@ from twin_gait.worlds.faults import Fault, FaultKind
 
 BELT_TICKS = 200  # Ticks in which the belt stops for a leg that waits, and in which it starts again.
 WAIT_TICKS = 10  # Period in ticks of the check whether a leg waits.
-MOST_FAULTS = 16  # Largest number of faults that can be injected into one walk.
 
 
 class SteppedRun:

@@ -12,9 +12,10 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
-from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition
+from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition, Patient
 from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Limb
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds.world import Walking
 
 # Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). The first two are
 # begin and end of stance and of swing; the others divide them, the coarsest division first: rise of the heel,
@@ -22,25 +23,25 @@ from twin_gait.vocabulary import JointName
 _STANCE_EVENTS = (0.0, 62.0, 31.0, 12.0, 50.0)
 _SWING_EVENTS = (62.0, 100.0, 75.0, 87.0)
 N_HIP_ANGLES = 41  # Number of hip angles of the normative moments.
+_EFFORT_CAPACITY = 256  # Efforts with a delay below this number of ticks share a compiled loop.
 _SAMPLES = 51  # Number of samples of the reference curve in a phase.
 
 
 def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[Limb]:
-    """Return hips and knees of the wearer, leg by leg; without moments if there is no wearer or only a mass.
+    """Return hips and knees of the wearer, leg by leg; all moments are 0 if the wearer makes no effort.
 
     Raises ParameterError if the wearer makes an effort and the cycle of the table is not a stride.
     """
-    patient, keys = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
-    if patient is None or patient.is_torque_free:
-        return [Limb(model.index(*key), JointCondition(), [], new_delay_line(0)) for key in keys]
+    patient = experiment.patient or Patient()
+    keys = [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
     conditions = [patient.conditions.get(key, JointCondition()) for key in keys]
     spans = phase_spans(table) if any(item.effort * item.strength for item in conditions) else {}
     return [
         Limb(
             model.index(*key),
             item,
-            _moments(experiment, table, spans, key[1]).tolist(),
-            new_delay_line(round(patient.effort_delay / TICK)),
+            _moments(patient, experiment.scenario.walking, table, spans, key[1]).tolist(),
+            new_delay_line(round(patient.effort_delay / TICK), capacity_step=_EFFORT_CAPACITY),
         )
         for key, item in zip(keys, conditions, strict=True)
     ]
@@ -84,7 +85,11 @@ def _cuts(events: Sequence[float], phases: int) -> list[float]:
 
 
 def _moments(
-    experiment: Experiment, table: GaitTable, spans: Mapping[str, tuple[float, float]], joint: JointName
+    patient: Patient,
+    walking: Walking | None,
+    table: GaitTable,
+    spans: Mapping[str, tuple[float, float]],
+    joint: JointName,
 ) -> np.ndarray:
     """Return normative moments in [N·m] by phase and hip angle, shape ``(n_phases, POSTURES)``.
 
@@ -92,8 +97,7 @@ def _moments(
     the carried share of the weight, swing moments are not. In phases without a span, in which the wearer
     stands still, they are 0, because the device alone supports the wearer.
     """
-    patient, walking, speed, carried = experiment.patient, experiment.scenario.walking, SLOWEST, 0.0
-    assert patient is not None  # without a wearer there are no moments
+    speed, carried = SLOWEST, 0.0
     if walking is not None:
         speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
     rows = np.zeros((len(table.phases), N_HIP_ANGLES))

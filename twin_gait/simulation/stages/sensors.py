@@ -10,7 +10,6 @@ from twin_gait.simulation.build_flags import (
     PELVIS_INDEX,
     PITCH_INDEX,
     WITH_FAULTS,
-    WITH_INERTIAL_UNIT,
     WITH_SLOPE,
 )
 from twin_gait.simulation.episode import Episode
@@ -46,10 +45,8 @@ def read_trunk(e: Episode) -> None:
 
 def trunk_pitch(e: Episode) -> float:
     """Return the measured pitch of the trunk in [rad], positive forwards; 0 if the pelvis is guided."""
-    if WITH_INERTIAL_UNIT:
-        return e.trunk_unit.pitch
     if PITCH_INDEX >= 0:
-        return e.q[PITCH_INDEX]
+        return e.trunk_unit.pitch if e.has_inertial_unit else e.q[PITCH_INDEX]
     return 0.0
 
 

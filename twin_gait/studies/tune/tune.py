@@ -134,8 +134,7 @@ class Tuning:
         settings = self.settings
         self._report_stage("compiling")
         for walked in self._robust_cases.values():  # here, because otherwise every worker would compile
-            for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
-                precompile(walker(walked, duration=settings.search_duration, quick=quick), count, on_compile)
+            precompile(walker(walked, duration=settings.search_duration), SEARCH_WALKS, on_compile)
         for done, generation in enumerate(self._search()):
             self.generations.append(generation)
             minutes = self._report_stage(f"search: generation {done + 1}")
@@ -157,10 +156,10 @@ class Tuning:
     def _walk(
         self, tables: Sequence[GaitTable], cases: Iterable[Experiment], *, last: bool = False
     ) -> list[list[Rating]]:
-        """Simulate walks of each table in each case: short and quick ones, or those of the robust set."""
+        """Simulate walks of each table in each case, of the search or if ``last`` of the robust set."""
         settings = self.settings
         duration = settings.robust_duration if last else settings.search_duration
-        walked = [walker(case, duration=duration, quick=not last) for case in cases]
+        walked = [walker(case, duration=duration) for case in cases]
         walks_to_run = [with_table(case, table) for table in tables for case in walked]
         results = walks.walk_all(walks_to_run, self._workers, should_stop=self._stop)
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]

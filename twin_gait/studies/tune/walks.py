@@ -10,7 +10,7 @@ from twin_gait.checking import exits, graph, stability, stuck_phases
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.experiment.experiment import Engine, Experiment, IntegrationMethod, default_integration
+from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import gait_profile_score
@@ -32,10 +32,6 @@ LOG_COLUMNS = (
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # weight of the nominal case in the cost of a candidate; the other cases share the rest
-# Integration of the search, whose evaluations of the dynamics are half as many, or fewer, as those of the
-# default integration, with which all reported walks are simulated.
-QUICK_METHOD = IntegrationMethod.SEMI_IMPLICIT_EULER
-LARGEST_QUICK_STEP = 0.25e-3  # [s]
 _CASES = load_yaml(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 
 
@@ -44,16 +40,9 @@ def table_from_document(document: Mapping[str, Any]) -> GaitTable:
     return gait_table_from_mapping(dict(document), "the tuning", str(document["name"]))
 
 
-def walker(experiment: Experiment, *, duration: float, quick: bool = False) -> Experiment:
-    """Return an experiment for the compiled engine with a duration in [s].
-
-    If ``quick``, it is integrated by ``QUICK_METHOD``, with a step of 0.25 ms at most.
-    """
-    integration = None
-    if quick:
-        standard = default_integration(Engine.COMPILED, experiment.scenario, method=QUICK_METHOD)
-        integration = replace(standard, step=min(standard.step, LARGEST_QUICK_STEP))
-    return replace(experiment, engine=Engine.COMPILED, integration=integration, duration=duration)
+def walker(experiment: Experiment, *, duration: float) -> Experiment:
+    """Return an experiment for the compiled engine at its default integration, with a duration in [s]."""
+    return replace(experiment, engine=Engine.COMPILED, integration=None, duration=duration)
 
 
 def quick_errors(experiment: Experiment) -> set[str]:
