@@ -96,6 +96,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add ``--set`` and shorter options for some of its keys; ``settings`` holds all in their order."""
     text = "set any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help=text)
+    text = "device: a packaged device (see twin-gait presets), or a YAML file"
+    add_shorthand(parser, "--device", "NAME", "device", text, json.dumps)
     text = "wearer: a packaged person (see twin-gait presets), or a YAML file"
     add_shorthand(parser, "--patient", "NAME", "patient", text, json.dumps)
     for flag, (unit, key, text) in _SHORTHANDS.items():

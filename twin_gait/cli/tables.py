@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
@@ -22,9 +23,13 @@ def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
     parser = options.add_command(commands, "presets", show_presets)
     add = parser.add_argument
-    add("name", nargs="?", help="name of the preset, person or table to print as YAML")
+    add("name", nargs="?", help="name of the preset, device, person or table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table if a preset has the same name")
     add("--schema", choices=["experiment", "table", "modes"], help="print the JSON Schema of a kind of file")
+    options.add(parser, "--json")
+
+    parser = options.add_command(commands, "device", show_device)
+    parser.add_argument("name", metavar="NAME", help="packaged device, or YAML file of a device")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
@@ -59,11 +64,12 @@ def add_parser(commands: Any) -> None:
 
 
 def show_presets(arguments: argparse.Namespace) -> int:
-    """List experiments, patients and tables, or print one.
+    """List experiments, devices, patients and tables, or print one.
 
-    List the packaged experiments, patients and tables, or print one as a file that can be edited: a preset
-    with every value, a person or a table.
+    List the packaged experiments, devices, patients and tables, or print one as a file that can be edited: a
+    preset with every value, a device, a person or a table.
     """
+    from twin_gait.configuration.device_file import list_devices
     from twin_gait.configuration.experiments import list_patients, presets
     from twin_gait.configuration.gait_table_file import packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import json_schema
@@ -73,9 +79,13 @@ def show_presets(arguments: argparse.Namespace) -> int:
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
     elif arguments.name is None:
-        experiments, persons = presets(), list_patients()
-        tables, modes = packaged_gait_tables(), packaged_mode_tables()
-        known = {"experiments": experiments, "patients": persons, "gait_tables": tables, "modes": modes}
+        known = {
+            "experiments": presets(),
+            "devices": list_devices(),
+            "patients": list_patients(),
+            "gait_tables": packaged_gait_tables(),
+            "modes": packaged_mode_tables(),
+        }
         answer(arguments, lines("presets.txt", known), known)
     else:
         text = _text_of(arguments.name, as_table=arguments.as_table)
@@ -84,6 +94,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str, *, as_table: bool) -> str:
+    from twin_gait.configuration.device_file import list_devices
     from twin_gait.configuration.documents import dump_yaml
     from twin_gait.configuration.experiments import list_patients, load_experiment, presets
     from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables, packaged_mode_tables
@@ -96,8 +107,24 @@ def _text_of(name: str, *, as_table: bool) -> str:
         return named_file(name, "modes").read_text(encoding="utf-8")
     if name in list_patients():
         return named_file(name, "patients").read_text(encoding="utf-8")
+    if name in list_devices():
+        return named_file(name, "devices").read_text(encoding="utf-8")
     document = load_experiment(name).document
     return f"{comment_for('experiment')}\n{dump_yaml(document)}"
+
+
+def show_device(arguments: argparse.Namespace) -> int:
+    """Print a device on one page.
+
+    Print joints, drives with torque over speed, limits, masses, and the source of every number of a device.
+    """
+    from twin_gait.configuration.device_file import load_device
+    from twin_gait.report.device_page import describe_device
+    from twin_gait.report.pages import lines
+
+    found = describe_device(load_device(arguments.name))
+    answer(arguments, lines("device.txt", {**found, "degrees": math.degrees}), found)
+    return DONE
 
 
 def draw_diagram(arguments: argparse.Namespace) -> int:

@@ -14,6 +14,7 @@ from pydantic import create_model
 
 from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.custom_sections import SIDES, convert_user_controller, section_of, type_of
+from twin_gait.configuration.device_file import Device, list_devices, load_device, without_device
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
 from twin_gait.configuration.sections import known_sections
@@ -91,12 +92,16 @@ def experiment_from_mapping(
     if data.get("patient") is None:
         found["patient"] = None
     if previous is None or found["leg"] is not previous.experiment.leg:
-        leg = found["leg"] = replace(found["leg"], urdf=resolve_path(folder, found["leg"].urdf))
+        leg = found["leg"] = replace(
+            found["leg"], urdf=gait_table_file.resolve_path(folder, found["leg"].urdf)
+        )
         convert_with_context(source, "leg", lambda: find_urdf(leg.urdf))
     if found.get("network") is not None and (
         previous is None or found["network"] is not previous.experiment.network
     ):
-        network = found["network"] = replace(found["network"], dbc=resolve_path(folder, found["network"].dbc))
+        network = found["network"] = replace(
+            found["network"], dbc=gait_table_file.resolve_path(folder, found["network"].dbc)
+        )
         find_dbc(network.dbc)
     urdf, recorded_hash = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
     if recorded_hash is not None and recorded_hash != urdf_hash(find_urdf(urdf)):
@@ -123,12 +128,6 @@ def _experiment_section(scenario: Any, source: str) -> Any:
 @cache
 def _section_in(world: type[Any]) -> Any:
     return create_model("Experiment", __base__=section_of(Experiment), scenario=(type_of(world), ...))
-
-
-def resolve_path(folder: Path, name: str) -> str:
-    """Return the absolute path of a file in ``folder`` or the working folder; without it, the given name."""
-    paths = (folder / name, Path(name).expanduser())
-    return next((str(path.resolve()) for path in paths if path.is_file()), name)
 
 
 def list_patients() -> dict[str, str]:
@@ -207,11 +206,14 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     preset or file, or if an assignment cannot be read.
     """
     path, where = _find(source)
-    written = read_yaml(path)
-    data, changes = _resolved(written, path), []
+    written, assignments = read_yaml(path), validation.parse_assignments(settings)
+    device, others = None, [item for item in assignments if item[0] != ["device"]]
+    for _, value in (item for item in assignments if item[0] == ["device"]):
+        device = _named_device(value, Path.cwd() / "settings", f"{where} with --set")
+    data, changes = _resolved(written, path, device), []
     given: dict[str, Any] = {} if where == f"preset {source}" else written
     where = f"{where} with --set" if settings else where
-    for keys, value in validation.parse_assignments(settings):
+    for keys, value in others:
         key = str(keys[0])
         whole = load_named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
         if whole is None:
@@ -327,18 +329,40 @@ def _find(source: str | Path) -> tuple[Path, str]:
     raise ParameterError(f"{source}: there is no such preset or file; {expected}")
 
 
-def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Replace the names of documents in a file by their contents, and merge it with its preset."""
+def _resolved(data: dict[str, Any], path: Path, device: Device | None = None) -> dict[str, Any]:
+    """Replace the names of documents in a file by their contents, and merge it with its preset and device.
+
+    ``device``: device instead of the one that the file or its preset names.
+    """
     given = {key: value for key, value in data.items() if key != "preset"}
+    if isinstance(given.get("device"), Mapping):  # the values of the device are in this file
+        given = given if device is None else without_device(given)
+    elif (name := given.pop("device", None)) is not None and device is None:
+        device = _named_device(name, path)
     found = {key: load_named_document(key, given.get(key), path) for key in _NAMED}
     whole = {key: document for key, document in found.items() if document is not None}
-    name = data.get("preset")
-    if name is None:
-        return given | whole
-    below = _preset(name) if isinstance(name, str) else None
-    if below is None:
-        known = ", ".join(presets())
-        raise ParameterFileError(path, "preset", f"there is no preset {name!r}; expected one of {known}")
-    base = {**_resolved(read_yaml(below), below), "name": path.stem}
+    base: dict[str, Any] = {}
+    if (preset := data.get("preset")) is not None:
+        below = _preset(preset) if isinstance(preset, str) else None
+        if below is None:
+            known = ", ".join(presets())
+            raise ParameterFileError(
+                path, "preset", f"there is no preset {preset!r}; expected one of {known}"
+            )
+        base = {**_resolved(read_yaml(below), below, device), "name": path.stem}
+    elif device is not None:
+        base = {**device.sections, "device": {"name": device.name}}
+    elif "device" not in given:
+        _named_device(None, path)  # raises the error of a missing device
     # A whole section is not merged with that of the preset.
     return merge(base | dict.fromkeys(whole), given | whole)
+
+
+def _named_device(name: Any, path: Path, source: str = "") -> Device:
+    """Read the device that the file at ``path`` names; raise ParameterFileError if there is none."""
+    source = source or str(path)
+    if not isinstance(name, str) or not name:
+        known = ", ".join(list_devices())
+        problem = f"expected the path of a file, or one of {known}, got {validation.short(name)}"
+        raise ParameterFileError(source, "device", problem)
+    return convert_with_context(source, "device", lambda: load_device(name, path.parent))

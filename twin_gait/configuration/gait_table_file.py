@@ -104,7 +104,7 @@ def _shared(entry: Any, name: str, words: GuardVocabulary, source: str) -> dict[
 
 
 # Kind of the documents in each folder of this package, for messages.
-_KINDS = {"tables": "gait table", "modes": "table of modes", "patients": "person"}
+_KINDS = {"tables": "gait table", "modes": "table of modes", "patients": "person", "devices": "device"}
 
 
 def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> Path:
@@ -122,6 +122,12 @@ def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> P
     shown = short(name) if isinstance(name, list | dict) else repr(str(name))
     expected = f"expected the path of a file, or one of {', '.join(shipped)}"
     raise ParameterError(f"there is no {_KINDS[kind]} {shown}; {expected}")
+
+
+def resolve_path(folder: Path, name: str) -> str:
+    """Return the absolute path of a file in ``folder`` or the working folder; without it, the given name."""
+    paths = (folder / name, Path(name).expanduser())
+    return next((str(path.resolve()) for path in paths if path.is_file()), name)
 
 
 def packaged_gait_tables() -> list[str]:

@@ -4,25 +4,25 @@ The label of a part that differs from the shipped one of its name, or has no shi
 beginning of the hash of its values, so that two versions of the part have different labels.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.custom_sections import user_controller_document
+from twin_gait.configuration.device_file import PARTS as DEVICE_PARTS
+from twin_gait.configuration.device_file import device_sections, load_device
 from twin_gait.configuration.documents import content_hash, table_document
-from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, read_patient
+from twin_gait.configuration.experiments import read_patient
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.configuration.sections import to_yaml
-from twin_gait.configuration.validation import packaged, read_yaml
+from twin_gait.configuration.validation import packaged
+from twin_gait.experiment.device import ControlParameters
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.parameters.wearer import Patient
 
 _DIGITS = 6  # digits of the hash in a label
 _LONGEST = 40  # characters of a name in a label
-_NOT_SETTINGS = ("mode", "limits")  # keys of the controller that belong to its name or to the device
 
 
 @dataclass(frozen=True)
@@ -70,26 +70,18 @@ def _table(experiment: Experiment) -> ExperimentPart:
 
 
 def _device(experiment: Experiment) -> ExperimentPart:
-    """Return the name of the URDF, with the preset whose drives, friction and battery the device has.
-
-    Presets are loaded until one has the device: a single one for the default device.
-    """
-    name, digest = Path(experiment.leg.urdf).stem, _device_hash(experiment)
-    same_urdf = (preset for preset in _presets() if Path(_preset(preset).leg.urdf).stem == name)
-    ships = False
-    for number, preset in enumerate(same_urdf):
-        if _device_hash(_preset(preset)) == digest:
-            return ExperimentPart(name if number == 0 else f"{name} as in {preset}", False, digest)
-        ships = True
-    return ExperimentPart(name, True if ships else None, digest)
+    """Return the device by its name, and whether its numbers are those of the shipped device of that name."""
+    name, digest = experiment.device.name, _hash(_comparable(device_sections(experiment)))
+    shipped = _shipped_device(name) if name in packaged("devices") else None
+    return ExperimentPart(name, None if shipped is None else digest != shipped, digest)
 
 
 def _controller(experiment: Experiment) -> ExperimentPart:
-    """Return the name of the controller, and whether its settings are those of a preset."""
-    controller, settings = experiment.controller, _control_hash(experiment)
+    """Return the name of the controller, and whether its settings are the defaults."""
+    controller, settings = experiment.controller, _control_hash(experiment.control)
     if controller is not None:
         return ExperimentPart(controller.name, None, _hash([user_controller_document(controller), settings]))
-    shipped = any(_control_hash(_preset(preset)) == settings for preset in _presets())
+    shipped = settings == _control_hash(ControlParameters())
     name = str(experiment.control.mode)
     return ExperimentPart(name, not shipped, _hash([name, settings]))
 
@@ -98,33 +90,21 @@ def _hash(values: Any) -> str:
     return content_hash({"values": values})
 
 
-def _device_hash(experiment: Experiment) -> str:
-    leg = {**to_yaml(experiment.leg), "urdf": urdf_hash(find_urdf(experiment.leg.urdf))}
-    return _hash([leg, to_yaml(experiment.plant), to_yaml(experiment.control.limits)])
+def _comparable(sections: dict[str, Any]) -> dict[str, Any]:
+    """Return the sections of a device without its sensors, with the hash of its URDF instead of the path."""
+    leg = {**sections["leg"], "urdf": urdf_hash(find_urdf(sections["leg"]["urdf"]))}
+    return {"leg": leg, "plant": sections["plant"], "control": sections["control"]}
 
 
-def _control_hash(experiment: Experiment) -> str:
-    """Return the hash of the controller's settings; torque and current limits belong to the device."""
-    return _hash({key: item for key, item in to_yaml(experiment.control).items() if key not in _NOT_SETTINGS})
-
-
-def _presets() -> Iterator[str]:
-    """Yield the presets that ship: the default one, others that extend no preset, and the rest."""
-    yield DEFAULT_PRESET  # before any other file is read
-    yield from _other_presets()
+def _control_hash(control: ControlParameters) -> str:
+    """Return the hash of the controller's settings without its name and without the parts of the device."""
+    others = ("mode", *DEVICE_PARTS["control"])
+    return _hash({key: item for key, item in to_yaml(control).items() if key not in others})
 
 
 @cache
-def _other_presets() -> list[str]:
-    """Return the presets that ship except the default one, those that extend no preset first."""
-    files = packaged("presets")
-    del files[DEFAULT_PRESET]
-    return sorted(files, key=lambda name: ("preset" in read_yaml(files[name]), name))
-
-
-@cache
-def _preset(name: str) -> Experiment:
-    return load_experiment(name).experiment
+def _shipped_device(name: str) -> str:
+    return _hash(_comparable(load_device(name).document()))
 
 
 @cache

@@ -268,6 +268,7 @@ def _section(parameters: type[Any]) -> Any:
                 isinstance(item.default, (Mapping, Parameters))
                 and item.default
                 and not item.find_annotation(LiteralAlias)
+                and not item.find_annotation(quantities.AllEntries)
             ):
                 defaults[next(iter(item.keys))] = to_yaml(item.default, item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)

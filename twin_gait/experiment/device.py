@@ -38,6 +38,17 @@ _USUAL = ControlMode("impedance")
 
 
 @dataclass(frozen=True, kw_only=True)
+class DeviceIdentity(quantities.Parameters):
+    """Identity of the device whose values are in the sections of the experiment.
+
+    Attributes:
+        name: Name of the file of the device, without its ending.
+    """
+
+    name: str = "own"
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControlParameters(quantities.Parameters):
     """Parameters and limits of the controller.
 
@@ -60,7 +71,9 @@ class ControlParameters(quantities.Parameters):
     mode: ControlMode = _USUAL
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
-    friction_model: Mapping[JointName, FrictionParameters] = field(default_factory=BENCH_FRICTION.copy)
+    friction_model: Annotated[Mapping[JointName, FrictionParameters], quantities.AllEntries()] = field(
+        default_factory=BENCH_FRICTION.copy
+    )
     inertia_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     target_torque: Mapping[JointName, quantities.Torque] = field(
         default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
@@ -108,11 +121,15 @@ class PlantParameters(quantities.Parameters):
         gravity: Gravitational acceleration in [m/s²].
     """
 
-    friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], FRICTION_RATIOS] = field(
-        default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
+    friction_ratio: Annotated[
+        Mapping[JointName, quantities.Ratio], FRICTION_RATIOS, quantities.AllEntries()
+    ] = field(default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5})
+    friction: Annotated[Mapping[JointName, FrictionLaw], quantities.AllEntries()] = field(
+        default_factory=lambda: {**BENCH_FRICTION}
     )
-    friction: Mapping[JointName, FrictionLaw] = field(default_factory=lambda: {**BENCH_FRICTION})
-    actuators: Mapping[JointName, ActuatorParameters] = field(default_factory=BENCH_ACTUATORS.copy)
+    actuators: Annotated[Mapping[JointName, ActuatorParameters], quantities.AllEntries()] = field(
+        default_factory=BENCH_ACTUATORS.copy
+    )
     battery: BatteryParameters = field(default_factory=BatteryParameters)
     electronics: ElectronicsParameters = field(default_factory=ElectronicsParameters)
     stops: StopParameters = field(default_factory=StopParameters)

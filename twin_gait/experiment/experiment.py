@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from twin_gait.control.user_controller import UserController
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.device import ControlParameters, PlantParameters
+from twin_gait.experiment.device import ControlParameters, DeviceIdentity, PlantParameters
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
@@ -116,6 +116,7 @@ class Experiment(Parameters):
     Attributes:
         name: Name of the preset or file.
         scenario: World in which the legs walk.
+        device: Identity of the device, whose values are in ``leg``, ``plant``, ``control`` and ``sensors``.
         leg: URDF and joint names of the legs.
         table: Gait table, before scaling.
         duration: Duration in [s], rounded to whole ticks.
@@ -139,6 +140,7 @@ class Experiment(Parameters):
     name: str
     scenario: Scenario
     leg: LegSource
+    device: DeviceIdentity = field(default_factory=DeviceIdentity)
     table: Annotated[GaitTable, CustomSerialized()]
     duration: Annotated[Time, DURATIONS] = 20.0
     patient: Patient | None = field(default_factory=Patient)

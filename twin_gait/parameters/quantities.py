@@ -75,6 +75,10 @@ class AllowedKeys:
     names: tuple[str, ...]
 
 
+class AllEntries:
+    """Mark of a mapping that a file gives as a whole: entries that it leaves out do not exist."""
+
+
 @dataclass(frozen=True)
 class UnitInKeys:
     """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, not of the field's key."""

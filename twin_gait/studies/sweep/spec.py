@@ -20,9 +20,9 @@ from twin_gait.configuration.experiments import (
     experiment_from_mapping,
     load_experiment,
     load_named_document,
-    resolve_path,
     resolved_document,
 )
+from twin_gait.configuration.gait_table_file import resolve_path
 from twin_gait.configuration.validation import Count, Number, Strict, convert_with_context, validate
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.experiment import Experiment

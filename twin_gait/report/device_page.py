@@ -1,0 +1,109 @@
+"""Page of a device: joints and drives, torque over speed, limits, masses, and the sources of its numbers."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from twin_gait.configuration.device_file import Device
+from twin_gait.configuration.validation import quantity_of
+from twin_gait.core.actuator import (
+    Motor,
+    current_to_torque,
+    saturate,
+    torque_to_current,
+    voltage_limited_current,
+)
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.drives import ActuatorParameters, LimitParameters
+from twin_gait.parameters.quantities import from_attributes
+from twin_gait.vocabulary import PelvisGuide
+
+SPEED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # speeds of the torque curve over the no-load speed
+
+
+def describe_device(device: Device) -> dict[str, Any]:
+    """Return the properties of a device for its page and its JSON document.
+
+    ``joints`` has a row for each joint with its name in the URDF and its range; ``drives`` a row for each
+    drive, with the available torque in [N·m] at :data:`SPEED_SHARES` of the no-load speed; ``numbers`` a row
+    for each number with its value in SI, the device that states it, and its source. Raises ModelError if the
+    URDF cannot be used.
+    """
+    parameters, document = device.parameters(), device.document()
+    plant, limits, leg = parameters["plant"], parameters["control"].limits, parameters["leg"]
+    model = LegModel(leg.urdf, leg.legs, pelvis=PelvisGuide.FIXED, fit_device=False, up_axis=leg.up_axis)
+    joints = []
+    for side, names in leg.legs.items():
+        for joint, name in names.items():
+            lower, upper = model.position_limits(side, joint)
+            effort = model.effort_limit(side, joint)
+            row = {
+                "side": str(side),
+                "joint": str(joint),
+                "urdf_joint": name,
+                "driven": joint in plant.actuators,
+            }
+            joints.append({**row, "lower_rad": lower, "upper_rad": upper, "urdf_effort_Nm": effort})
+    voltage = plant.battery.voltage
+    return {
+        "name": device.name,
+        "description": device.description,
+        "path": str(device.path),
+        "mass_kg": model.total_mass,
+        "joints": joints,
+        "drives": [
+            {
+                "joint": str(joint),
+                "gear_ratio": drive.gear_ratio,
+                "armature_kgm2": drive.armature,
+                "continuous_torque_Nm": drive.continuous_torque,
+                "no_load_speed_rad_per_s": no_load_speed(drive, voltage),
+                "torque_Nm": torque_curve(drive, voltage, limits),
+            }
+            for joint, drive in plant.actuators.items()
+        ],
+        "limits": document["control"]["limits"],
+        "battery": document["plant"]["battery"],
+        "numbers": list(_numbers(device, document)),
+    }
+
+
+def no_load_speed(drive: ActuatorParameters, voltage: float) -> float:
+    r"""Compute the joint speed in [rad/s] at which the back-EMF is the voltage in [V].
+
+    :math:`\omega_0 = U / (K_t\,\tau)`
+    """
+    return voltage / (drive.torque_constant * drive.gear_ratio)
+
+
+def torque_curve(drive: ActuatorParameters, voltage: float, limits: LimitParameters) -> list[float]:
+    """Compute the available torque of a drive at :data:`SPEED_SHARES` of its no-load speed.
+
+    It is the torque limit, limited by current and voltage as in the simulation; without friction, losses of
+    the gear, and the resistances of battery and inverter. ``voltage`` in [V]. Returns torques at the joint in
+    [N·m].
+    """
+    motor, fastest = from_attributes(Motor, drive), no_load_speed(drive, voltage)
+    wanted = torque_to_current(limits.torque, motor.torque_constant, motor.gear_ratio)
+    currents = (
+        voltage_limited_current(motor, saturate(wanted, limits.current), share * fastest, voltage)
+        for share in SPEED_SHARES
+    )
+    return [
+        max(0.0, current_to_torque(current, motor.torque_constant, motor.gear_ratio)) for current in currents
+    ]
+
+
+def _numbers(device: Device, document: Mapping[str, Any], below: str = "") -> Iterator[dict[str, Any]]:
+    """Yield a row for each number of a device."""
+    for key, value in document.items():
+        path = f"{below}.{key}".removeprefix(".")
+        if isinstance(value, Mapping):
+            yield from _numbers(device, value, path)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            name = quantity_of(path)
+            yield {
+                "key": path,
+                "value": value,
+                "stated_by": device.origins[name],
+                "source": device.source_of(name),
+            }
