@@ -65,7 +65,7 @@ class Device:
     path: Path  # path of the file
     description: str  # one line
     sections: dict[str, Any]  # sections of an experiment, all values resolved
-    origins: dict[str, str]  # device that states each number, by its key without unit
+    origins: dict[str, str]  # device that states each value, by its key
     sources: dict[str, str]  # origin of numbers in literature and catalogues, by keys without units
 
     def parameters(self) -> dict[str, Any]:
@@ -80,8 +80,15 @@ class Device:
         """Return the sections with all their values in SI, as in the document of an experiment."""
         return device_sections(self.parameters())
 
+    def stated_by(self, key: str) -> str:
+        """Return the name of the device that states a value, by its key in any unit; empty if none does."""
+        if key in self.origins:
+            return self.origins[key]
+        quantity = quantity_of(key)
+        return next((name for own, name in self.origins.items() if quantity_of(own) == quantity), "")
+
     def source_of(self, key: str) -> str:
-        """Return the stated source of a number, by its key without unit; empty if there is none."""
+        """Return the stated source of a number by its key, with or without unit; empty if there is none."""
         covering = [
             known for known in self.sources if key == known or key.startswith((f"{known}.", f"{known}_"))
         ]
@@ -130,7 +137,7 @@ def _merged(path: Path, extended_by: tuple[Path, ...]) -> Device:
                 )
                 raise ParameterFileError(source, f"{key}.{part}", problem)
     sections = _with_absolute_paths(sections, path.parent)
-    origins = {quantity_of(key): path.stem for key, _ in _leaves(sections)}
+    origins = {key: path.stem for key, _ in _leaves(sections)}
     if not entry.extends:
         return Device(path.stem, path, entry.description, sections, origins, entry.sources)
     found = convert_with_context(
@@ -147,7 +154,7 @@ def _merged(path: Path, extended_by: tuple[Path, ...]) -> Device:
         path=path,
         description=entry.description or base.description,
         sections=merged,
-        origins={key: {**base.origins, **origins}[key] for key in map(quantity_of, dict(_leaves(merged)))},
+        origins={key: {**base.origins, **origins}[key] for key, _ in _leaves(merged)},
         sources={**base.sources, **entry.sources},
     )
 
@@ -173,8 +180,8 @@ def _without_null(mapping: Mapping[str, Any]) -> dict[str, Any]:
 
 def _require_complete(device: Device) -> None:
     """Raise ParameterFileError if a device does not state a number of its sections."""
-    numbers = {quantity_of(path): value for path, value in _leaves(device.document())}
-    missing = [path for path, value in numbers.items() if path not in device.origins and _is_number(value)]
+    numbers = (path for path, value in _leaves(device.document()) if _is_number(value))
+    missing = [path for path in numbers if not device.stated_by(path)]
     if missing:
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
         problem = f"is missing{more}; state it, or begin the file with {BASES}"

@@ -189,7 +189,8 @@ def _mapping_fields(
         for end, unit in ends.items()
     }
     fields = {key: (_nullable(_type(item, inner, unit)), None) for key, (_, unit) in keys.items()}
-    beneath = item.default if kind is item.kind and isinstance(item.default, Mapping) else {}
+    whole = kind is not item.kind or item.find_annotation(quantities.AllEntries)
+    beneath = item.default if not whole and isinstance(item.default, Mapping) else {}
 
     def read(section: Any) -> dict[Any, Any]:
         given = {keys[key][0]: getattr(section, key) for key in keys if key in section.model_fields_set}

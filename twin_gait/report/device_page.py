@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from twin_gait.configuration.device_file import Device
-from twin_gait.configuration.validation import quantity_of
 from twin_gait.core.actuator import (
     Motor,
     current_to_torque,
@@ -100,10 +99,5 @@ def _numbers(device: Device, document: Mapping[str, Any], below: str = "") -> It
         if isinstance(value, Mapping):
             yield from _numbers(device, value, path)
         elif isinstance(value, int | float) and not isinstance(value, bool):
-            name = quantity_of(path)
-            yield {
-                "key": path,
-                "value": value,
-                "stated_by": device.origins[name],
-                "source": device.source_of(name),
-            }
+            row = {"key": path, "value": value}
+            yield {**row, "stated_by": device.stated_by(path), "source": device.source_of(path)}
