@@ -78,7 +78,7 @@ def test_device_of_the_user_extends_a_shipped_one_and_removes_a_joint_by_null(tm
     assert plant.actuators["hip"].gear_ratio == 9.0
     assert plant.battery.voltage == 28.8
     assert device.stated_by("plant.actuators.hip.gear_ratio") == "hip_only"
-    assert device.origins["plant.battery.voltage"] == "twin"
+    assert device.stated_by("plant.battery.voltage_V") == "twin"
 
 
 def test_missing_number_is_refused_by_its_name(tmp_path: Path) -> None:
