@@ -53,7 +53,7 @@ def test_values_of_file_and_settings_are_not_inherited(tmp_path: Path) -> None:
 
 def test_a_quantity_in_another_unit_is_given() -> None:
     ankle = inherited("plant.ankle.stiffness_Nm_per_deg=2")["plant.ankle"]
-    assert ankle == {"relative_stiffness": 0.0, "damping_Nms_per_rad": 6.0, "rest_rad": ankle["rest_rad"]}
+    assert ankle == {"relative_stiffness": 0.0, "damping_Nms_per_rad": 6, "rest_deg": 7}
 
 
 @pytest.mark.parametrize(

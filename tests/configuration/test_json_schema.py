@@ -19,8 +19,10 @@ from twin_gait.configuration.schema import comment_for, json_schema
 from twin_gait.configuration.validation import parse_assignment
 
 FOLDER = Path(str(files("twin_gait.configuration")))
-PRESETS, TABLES, MODES = (sorted((FOLDER / name).glob("*.yaml")) for name in ("presets", "tables", "modes"))
-KINDS = {"experiment": PRESETS, "table": TABLES, "modes": MODES}
+PRESETS, DEVICES, TABLES, MODES = (
+    sorted((FOLDER / name).glob("*.yaml")) for name in ("presets", "devices", "tables", "modes")
+)
+KINDS = {"experiment": PRESETS, "device": DEVICES, "table": TABLES, "modes": MODES}
 VALIDATORS = {kind: Draft202012Validator(json_schema(kind)) for kind in KINDS}
 
 

@@ -21,6 +21,7 @@ from example_robots import robot_urdf
 
 from twin_gait import load_experiment, load_gait_table, simulate
 from twin_gait.cli.program import main
+from twin_gait.configuration.device_file import load_device
 from twin_gait.configuration.gait_table_file import load_mode_table
 from twin_gait.gait.machine import GaitStateMachine
 
@@ -74,6 +75,7 @@ def user_files(tmp_path_factory):
     shutil.copy(CONFIGURATION / "tables" / "treadmill.yaml", folder / "my_table.yaml")
     shutil.copy(CONFIGURATION / "modes" / "twin.yaml", folder / "my_modes.yaml")
     shutil.copy(CONFIGURATION / "presets" / "treadmill.yaml", folder / "mine.yaml")
+    shutil.copy(CONFIGURATION / "devices" / "twin.yaml", folder / "my_device.yaml")
     spec = yaml.safe_load((ROOT / "examples" / "sweep.yaml").read_text(encoding="utf-8"))
     spec["parameters"] = {"patient.mass_kg": [65, 75]}
     (folder / "examples").mkdir()
@@ -171,5 +173,7 @@ def test_yaml_loads(block, tmp_path, monkeypatch):
         load_mode_table(path)
     elif "transitions" in data or "scaling" in data:
         load_gait_table(path)
+    elif "extends" in data and "plant" in data:
+        load_device(str(path))
     else:
         load_experiment(path)

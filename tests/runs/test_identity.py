@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from twin_gait.cli.simulate import report
 from twin_gait.configuration.experiments import experiment_from_mapping, resolved_document
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.live.page import LiveScene
 from twin_gait.parameters.wearer import Patient
 from twin_gait.report.formatting import describe
@@ -80,13 +78,14 @@ def test_a_changed_person_is_named_and_marked_as_changed() -> None:
 
 
 def test_own_parts_are_named_by_their_files_and_two_versions_differ(tmp_path: Path) -> None:
-    shutil.copy(find_urdf("twin.urdf"), tmp_path / "mine.urdf")
     (tmp_path / "anna.yaml").write_text("mass_kg: 60\nleft: {knee: {passive: 1}}\n", encoding="utf-8")
     (tmp_path / "slow.yaml").write_text("extends: treadmill\nblending: {duration_ms: 90}\n", encoding="utf-8")
     settings = [f"{key}={tmp_path / name}.yaml" for key, name in (("patient", "anna"), ("table", "slow"))]
-    found = describe(experiment(*settings, f"leg.urdf={tmp_path / 'mine.urdf'}"))
+    found = describe(experiment(*settings))
     for text, name in zip(
-        found[::2] + found[3:4], ("anna (", "table slow (", "controller", "device mine ("), strict=True
+        found[::2] + found[3:4],
+        ("anna (", "table slow (", "controller", "device twin"),
+        strict=True,
     ):
         assert text.startswith(name)
     other = describe(experiment(*settings, "patient.left.knee.passive=2", "table.blending.duration_ms=80"))

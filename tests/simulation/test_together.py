@@ -20,7 +20,7 @@ from twin_gait.exceptions import JobError, ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation import code_cache, simulator
-from twin_gait.simulation.block import WIDTH
+from twin_gait.simulation.block import ALIGNMENT, WIDTH, interleave
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
 from twin_gait.simulation.simulator import (
     FEWEST_IN_ALL,
@@ -235,6 +235,14 @@ def test_logs_are_released_after_their_block(bench):
         assert not [log for log in before if log() is not None]
         before.append(weakref.ref(run.log))
     assert len(before) == MIN_BLOCK_SIZE
+
+
+def test_a_block_starts_at_a_cache_line() -> None:
+    record = np.array([(1.5, 2)], dtype=[("angle", "f8"), ("phase", "i8")])
+    blocks = [interleave([record] * size) for size in range(1, WIDTH + 1)]
+    assert all(block.ctypes.data % ALIGNMENT == 0 for block in blocks)
+    for block in blocks:
+        np.testing.assert_array_equal(block, np.repeat(record.view(np.int64)[:, None], WIDTH, axis=1))
 
 
 def test_a_failure_has_its_index(bench):

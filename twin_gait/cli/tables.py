@@ -25,7 +25,11 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     add("name", nargs="?", help="name of the preset, device, person or table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table if a preset has the same name")
-    add("--schema", choices=["experiment", "table", "modes"], help="print the JSON Schema of a kind of file")
+    add(
+        "--schema",
+        choices=["experiment", "device", "table", "modes"],
+        help="print the JSON Schema of a kind of file",
+    )
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "device", show_device)

@@ -225,6 +225,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         raise ParameterFileError(
             where, "control.mode", "the section controller replaces it; set controller=null, too"
         )
+    if "device" not in data and "extends" not in data:  # a table's key, which has an error of its own
+        _named_device(None, path)  # raises the error of a missing device
     document = _complete_document(data, where, path.parent)
     for keys, value in changes:
         document = validation.assign(document, keys, value)
@@ -352,8 +354,6 @@ def _resolved(data: dict[str, Any], path: Path, device: Device | None = None) ->
         base = {**_resolved(read_yaml(below), below, device), "name": path.stem}
     elif device is not None:
         base = {**device.sections, "device": {"name": device.name}}
-    elif "device" not in given:
-        _named_device(None, path)  # raises the error of a missing device
     # A whole section is not merged with that of the preset.
     return merge(base | dict.fromkeys(whole), given | whole)
 

@@ -1,5 +1,6 @@
 """JSON Schemas of experiment and gait-table files, which editors use to complete and check them."""
 
+from collections.abc import Callable
 from functools import reduce
 from itertools import combinations
 from operator import or_
@@ -8,8 +9,10 @@ from typing import Annotated, Any
 from pydantic import Field, create_model
 
 from twin_gait.configuration.custom_sections import section_of
+from twin_gait.configuration.device_file import SECTIONS, DeviceFile
 from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
 from twin_gait.configuration.validation import quantity_of
+from twin_gait.experiment.device import DeviceIdentity
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, Side
@@ -26,17 +29,22 @@ def comment_for(kind: str) -> str:
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """Return the JSON Schema of a file of an ``experiment``, a ``table`` or ``modes``; no key is required."""
-    model: Any = ModeTableFile
-    if kind != "modes":
-        model = _table() if kind == "table" else _experiment()
-    schema: dict[str, Any] = _lenient(model.model_json_schema())
+    """Return the JSON Schema of the files of a :data:`KINDS`; no key is required."""
+    schema: dict[str, Any] = _lenient(KINDS[kind]().model_json_schema())
+    if kind == "device":
+        return {"$schema": DIALECT, **schema, "title": "device of twin_gait"}
     guards = {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Guard"}}
     nested = {"type": "object", "properties": {"all": guards, "any": guards}, "maxProperties": 1}
     text = {"type": "string", "pattern": _GUARD}
     schema["$defs"]["Guard"] = {"anyOf": [text, {**nested, "additionalProperties": False}]}
     schema["$defs"]["Transition"]["properties"] |= {"all": guards, "any": guards}
     return {"$schema": DIALECT, **schema, "title": f"{kind} of twin_gait"}
+
+
+def _device() -> Any:
+    """Return the model of a device with explicit sections; null removes an inherited entry."""
+    sections: Any = {key: (dict[str, Any] | section_of(kind), {}) for key, kind in SECTIONS.items()}
+    return create_model("Device", __base__=DeviceFile, **sections)
 
 
 def _table() -> Any:
@@ -56,6 +64,7 @@ def _experiment() -> Any:
         __base__=section_of(Experiment),
         preset=(name, ""),
         scenario=(worlds, ...),
+        device=(name | section_of(DeviceIdentity), ...),
         patient=(name | person | None, None),
         table=(name | _table(), ...),
         modes=(name | ModeTableFile | None, None),
@@ -72,3 +81,12 @@ def _lenient(schema: Any) -> Any:
     keys = schema.get("properties", {})
     pairs = [list(pair) for pair in combinations(keys, 2) if len(set(map(quantity_of, pair))) == 1]
     return found | ({"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {})
+
+
+# Models of the files, by their kind.
+KINDS: dict[str, Callable[[], Any]] = {
+    "experiment": _experiment,
+    "device": _device,
+    "table": _table,
+    "modes": lambda: ModeTableFile,
+}
