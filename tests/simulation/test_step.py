@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from twin_gait import load_experiment, simulate
+from twin_gait import load_experiment, simulate, simulate_batch
 from twin_gait.experiment.experiment import Integration, IntegrationMethod
 from twin_gait.measures.effort import LARGEST_RESIDUAL
 from twin_gait.report.formatting import unstable_step_note
@@ -38,3 +38,9 @@ def test_step_of_the_euler_method_is_not_judged() -> None:
     experiment = load_experiment("bench_leg", ["duration_s=1"]).experiment
     euler = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=1e-3)
     assert energy_summary(simulate(replace(experiment, integration=euler)))["step_stable"] is None
+
+
+def test_rows_of_a_batch_say_which_steps_are_unstable() -> None:
+    experiment = load_experiment("treadmill", HEAVY).experiment
+    rows = simulate_batch(experiment, [{}, {"integration.step_ms": 0.25}])
+    assert rows["step_stable"].tolist() == [True, False]

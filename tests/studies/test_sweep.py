@@ -268,6 +268,7 @@ def test_a_fall_and_a_divergence_are_results(tmp_path):
     result = run_sweep(load_sweep(spec, ["duration_s=0.5"]), tmp_path / "out")
     assert result.table["status"].tolist() == ["completed", "diverged"]
     assert result.summary["outcomes"] == {"too short to judge": 1, "diverged": 1}
+    assert result.summary["unstable_steps"] == 1
     # What is neither a number nor a text is kept as JSON.
     assert json.loads(result.table["scenario.start"][1]) == hard["scenario.start"]
 
