@@ -14,8 +14,6 @@ from crosscheck import checks
 from gallery import read_options
 
 from twin_gait import load_experiment, simulate
-from twin_gait.measures.effort import LARGEST_RESIDUAL
-from twin_gait.worlds.treadmill import RK4_LIMIT
 
 form = read_options("validation")
 mujoco = importlib.util.find_spec("mujoco") is not None
@@ -121,8 +119,8 @@ for _ in range(WEARERS):
         }
     )
 walks = pd.DataFrame(coarse)
-unstable = walks["coarse_residual"] > LARGEST_RESIDUAL
-beyond = 0.25e-3 * walks["rate_per_s"] > RK4_LIMIT
+unstable = walks["coarse_residual"] > checks.RESIDUAL_LIMIT
+beyond = 0.25e-3 * walks["rate_per_s"] > checks.STEP_LIMIT
 stability = {
     "wearers": WEARERS,
     "unstable": int(unstable.sum()),
@@ -139,9 +137,14 @@ check(
     "friction of the feet at the default step",
     "limit of Runge-Kutta",
     float(stability["largest_step_times_rate"]),
-    RK4_LIMIT,
+    checks.STEP_LIMIT,
 )
-check("energy of these walks", "conservation of energy", walks["default_residual"].max(), LARGEST_RESIDUAL)
+check(
+    "energy of these walks",
+    "conservation of energy",
+    walks["default_residual"].max(),
+    checks.RESIDUAL_LIMIT,
+)
 print(", ".join(f"{name} {value}" for name, value in stability.items()))
 
 # %%

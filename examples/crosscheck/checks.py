@@ -9,16 +9,19 @@ from crosscheck.closed_forms import pendulum_acceleration, pendulum_motion, pend
 
 from twin_gait import Experiment, Run, load_experiment, simulate
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import energy_balance
+from twin_gait.measures.effort import LARGEST_RESIDUAL, energy_balance
 from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.log import state_columns
 from twin_gait.studies.accuracy import step_error
+from twin_gait.worlds.treadmill import RK4_LIMIT
 
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 N_STATES = 100
 REPETITIONS = 50  # of the accelerations of a leg whose gears lose under load
 SEED = 20240607
+RESIDUAL_LIMIT = LARGEST_RESIDUAL  # of the energy balance of a run with a stable step
+STEP_LIMIT = RK4_LIMIT  # of the step times the rate of a decay
 DIFFERENCE = 1e-6  # of a coordinate in [m] or [rad], for the slope of a position
 # A leg without friction, stops and motors, and without the inertia of its drives, let go from high up: it
 # moves so fast that the error of an integrator stands out of rounding.

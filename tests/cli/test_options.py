@@ -23,7 +23,7 @@ COMMANDS = {
     "run and look": ["simulate", "live", "view", "plot", "export", "sessions"],
     "gait tables": ["presets", "diagram", "check", "replay"],
     "test bench and identification": ["bench", "identify"],
-    "the device": ["firmware"],
+    "the device": ["device", "firmware"],
     "many runs": ["sweep", "compare", "tune", "faults"],
 }
 
@@ -37,13 +37,13 @@ def parsers(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[s
                 yield from parsers(command, f"{name} {key}".strip())
 
 
-def test_help_has_at_most_seventeen_commands_in_groups_each_on_one_line(monkeypatch):
+def test_help_has_at_most_eighteen_commands_in_groups_each_on_one_line(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     parser = build_parser()
     shown = parser.format_help()
     assert list(GROUPS) == list(COMMANDS)
     assert {title: list(commands) for title, commands in parser.groups.items()} == COMMANDS
-    assert sum(map(len, COMMANDS.values())) <= 17
+    assert sum(map(len, COMMANDS.values())) <= 18
     for title, commands in parser.groups.items():
         assert f"\n{title}:\n" in shown
         for name, text in commands.items():

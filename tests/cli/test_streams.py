@@ -37,7 +37,8 @@ def test_a_run_is_kept_where_its_summary_cannot_be_printed(more: str, tmp_path: 
     done = shell(f"{RUN} {more}", f"> {FULL}", tmp_path)
     assert done.returncode == terminal.FAILED
     assert done.stderr == (
-        "twin-gait: standard output: cannot be written (No space left on device); files are kept\n"
+        "twin-gait: standard output: cannot be written (No space left on device); "
+        "written files are complete\n"
     )
     assert len(load_run(tmp_path / "walk").log) == 200
 

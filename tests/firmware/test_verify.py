@@ -148,7 +148,7 @@ def assert_same_log(first: Run, second: Run) -> None:
 
 MUTANTS = {
     "current": (
-        "return saturate(wanted, current_limit)",
+        "return saturate(current, current_limit)",
         "return saturate(wanted * REAL(1.001), current_limit)",
     ),
     "trip": ("board->command.drive_off || torque", "torque"),

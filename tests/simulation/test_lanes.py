@@ -453,7 +453,7 @@ for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared, stays_scal
 
 def compiled(function: Callable[[Any], Any]) -> Any:
     """Return a stage compiled for lanes by numba."""
-    names = {**BIT_FUNCTIONS, **lane_names(TOY, 1, 1), "room": function}
+    names = {**BIT_FUNCTIONS, **lane_names(TOY, 1, 1), "entry": function}
     loop = specialize(
         enter_at,
         names,
@@ -525,7 +525,7 @@ def test_a_loop_over_lanes_is_vector_code_with_correct_results(function, capfd):
     for joint in range(3):
         block[first + 3 * joint] = (2, 0, 1)[joint]
     block[number_index(TOY, "episode.step")] = np.array(0.25).view(np.int64)
-    names = {**lane_names(TOY, 1, 1), "room": function}
+    names = {**lane_names(TOY, 1, 1), "entry": function}
     expected = in_plain_python(function, block)
     compile_loop(enter_at, names, pipeline=LanePipeline).function(block.ctypes.data, 0, 1)
     assert np.array_equal(block, expected)

@@ -282,7 +282,7 @@ def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
     assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
     for title in TITLES:
         assert title in page.text
-    assert "6 × (value / goal − 0.9)² more, the error of a driven joint 20 ×," in " ".join(page.text.split())
+    assert "6 × (value / goal − 0.9)² more, and the error of a driven joint" in " ".join(page.text.split())
     assert "Not a medical device" in page.text
     assert "nan" not in page.text.lower()
 
@@ -296,7 +296,7 @@ def test_the_summary_names_the_traded_parts(tuning_document: dict[str, Any]) -> 
 
 def test_a_search_without_improvement_is_reported(tuning_document: dict[str, Any]) -> None:
     text = pictures.summary({**tuning_document, "found_better": False})[0]
-    assert "table.yaml is that table" in text
+    assert "table.yaml is a copy of" in text
 
 
 @given(

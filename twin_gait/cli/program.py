@@ -24,7 +24,7 @@ GROUPS = {
     "run and look": ("simulate", "view", "sessions"),
     "gait tables": ("tables",),
     "test bench and identification": ("friction",),
-    "the device": ("firmware",),
+    "the device": ("device", "firmware"),
     "many runs": ("studies",),
 }
 # Number of new objects after which Python searches them for cycles. Its default of 700 takes 5 % of the

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
@@ -30,10 +29,6 @@ def add_parser(commands: Any) -> None:
         choices=["experiment", "device", "table", "modes"],
         help="print the JSON Schema of a kind of file",
     )
-    options.add(parser, "--json")
-
-    parser = options.add_command(commands, "device", show_device)
-    parser.add_argument("name", metavar="NAME", help="packaged device, or YAML file of a device")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
@@ -68,7 +63,7 @@ def add_parser(commands: Any) -> None:
 
 
 def show_presets(arguments: argparse.Namespace) -> int:
-    """List experiments, devices, patients and tables, or print one.
+    """List experiments, devices, people and tables; print one.
 
     List the packaged experiments, devices, patients and tables, or print one as a file that can be edited: a
     preset with every value, a device, a person or a table.
@@ -115,20 +110,6 @@ def _text_of(name: str, *, as_table: bool) -> str:
         return named_file(name, "devices").read_text(encoding="utf-8")
     document = load_experiment(name).document
     return f"{comment_for('experiment')}\n{dump_yaml(document)}"
-
-
-def show_device(arguments: argparse.Namespace) -> int:
-    """Print a device on one page.
-
-    Print joints, drives with torque over speed, limits, masses, and the source of every number of a device.
-    """
-    from twin_gait.configuration.device_file import load_device
-    from twin_gait.report.device_page import describe_device
-    from twin_gait.report.pages import lines
-
-    found = describe_device(load_device(arguments.name))
-    answer(arguments, lines("device.txt", {**found, "degrees": math.degrees}), found)
-    return DONE
 
 
 def draw_diagram(arguments: argparse.Namespace) -> int:
