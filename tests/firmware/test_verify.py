@@ -149,7 +149,7 @@ def assert_same_log(first: Run, second: Run) -> None:
 MUTANTS = {
     "current": (
         "return saturate(current, current_limit)",
-        "return saturate(wanted * REAL(1.001), current_limit)",
+        "return saturate(current * REAL(1.001), current_limit)",
     ),
     "trip": ("board->command.drive_off || torque", "torque"),
 }

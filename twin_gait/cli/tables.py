@@ -63,7 +63,7 @@ def add_parser(commands: Any) -> None:
 
 
 def show_presets(arguments: argparse.Namespace) -> int:
-    """List experiments, devices, people and tables; print one.
+    """List experiments, devices, people, tables; print one.
 
     List the packaged experiments, devices, patients and tables, or print one as a file that can be edited: a
     preset with every value, a device, a person or a table.
