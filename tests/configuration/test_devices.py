@@ -75,6 +75,8 @@ def test_device_of_the_user_extends_a_shipped_one_and_removes_a_joint_by_null(tm
     device = load_device(str(path))
     plant = device.parameters()["plant"]
     assert [str(joint) for joint in plant.actuators] == ["hip"]
+    with raises(ParameterFileError, "plant.actuators.knee", "treadmill"):
+        load_experiment("treadmill", [f"device={path}"])  # the gait table controls the knee, too
     assert plant.actuators["hip"].gear_ratio == 9.0
     assert plant.battery.voltage == 28.8
     assert device.stated_by("plant.actuators.hip.gear_ratio") == "hip_only"

@@ -271,7 +271,7 @@ def _section(parameters: type[Any]) -> Any:
                 and not item.find_annotation(LiteralAlias)
                 and not item.find_annotation(quantities.AllEntries)
             ):
-                defaults[next(iter(item.keys))] = to_yaml(item.default, item)
+                defaults[next(iter(item.keys))] = _default_document(item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)
     model.parameters, model.defaults, model.inline = parameters, defaults, inline
     declared = [
@@ -282,6 +282,16 @@ def _section(parameters: type[Any]) -> Any:
     model.required = {item.name: next(iter(item.keys)) for item in without}
     model.__doc__ = summary_of(parameters)
     return model
+
+
+def _default_document(item: Declaration) -> Any:
+    """Return the default of a field in the form of YAML, without mappings that a file gives as a whole."""
+    document = to_yaml(item.default, item)
+    if isinstance(item.default, Parameters):
+        for inner in declarations(type(item.default)):
+            if inner.find_annotation(quantities.AllEntries):
+                del document[inner.key]
+    return document
 
 
 def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
