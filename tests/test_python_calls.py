@@ -77,7 +77,7 @@ def test_a_slider_rebuilds_only_the_changed_parts(
 ) -> None:
     session = LiveSession(loaded=load_experiment("treadmill", ["duration_s=60"]), folder=tmp_path / "walk")
     session._prepare()
-    walk, outcomes = SteppedRun(session.panel.problem), []
+    walk, outcomes = SteppedRun(session.panel.simulation_setup), []
     walk.advance(3000)
     answer = {"snapshot": walk.snapshot(), "tick": walk.tick}
     monkeypatch.setattr(session.walk, "send_command", lambda command: answer)

@@ -41,7 +41,7 @@ def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: ControlP
     changed = panel.set(panel.preset, "late_stance.ankle.stiffness", 2.5)
     begun = np.radians(panel.preset.table.phases["late_stance"].joints["ankle"].stiffness)
     before, after = (np.array(loop_numbers(item)["phase_rows"]) for item in (panel.preset, changed))
-    phase = panel.problem.table.phase_index("late_stance")
+    phase = panel.simulation_setup.table.phase_index("late_stance")
     assert np.argwhere(before != after).tolist() == [[0, phase, 8], [1, phase, 8]]
     # The table's law scales both by the mass that is carried.
     assert after[0, phase, 8] / before[0, phase, 8] == pytest.approx(2.5 / begun)
@@ -61,9 +61,12 @@ def test_the_monitor_drives_the_ankle(panel: ControlPanel) -> None:
 @pytest.mark.slow
 def test_a_push_on_the_ankle_moves_it(panel: ControlPanel) -> None:
     message = DoAction(action="push", values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
-    values = action_values(action_specs(panel.problem), message)
-    assert (panel.problem.joints[2].side, panel.problem.joints[2].joint) == ("left", "ankle")
-    pushed, free = SteppedRun(panel.problem), SteppedRun(panel.problem)
+    values = action_values(action_specs(panel.simulation_setup), message)
+    assert (panel.simulation_setup.joints[2].side, panel.simulation_setup.joints[2].joint) == (
+        "left",
+        "ankle",
+    )
+    pushed, free = SteppedRun(panel.simulation_setup), SteppedRun(panel.simulation_setup)
     pushed.push(2, float(values["torque"]), 100)
     column = pushed.layout.names.index("left_ankle_angle_rad")
     first, second = (run.advance(100)[-1, column] for run in (pushed, free))

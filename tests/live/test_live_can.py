@@ -153,7 +153,7 @@ class Rig:
         self.panel, self.event_log, self.sent = panel, EventLog(), []
         self.coming = []
         self.bus = can.Bus(name, "virtual")
-        self.link = CanLink(f"virtual:{name}", panel.problem, self.event_log, self.submit)
+        self.link = CanLink(f"virtual:{name}", panel.simulation_setup, self.event_log, self.submit)
 
     def submit(self, message):
         self.sent.append(message)
@@ -283,9 +283,11 @@ def rows_of(panel, first, end):
     if not WALKED:
         from twin_gait.simulation.stepping import SteppedRun
 
-        run = SteppedRun(panel.problem)
+        run = SteppedRun(panel.simulation_setup)
         WALKED.update(zip(run.layout.names, run.advance(400).T, strict=True))
-        WALKED["right_phase"] = np.array(panel.problem.table.phase_names)[WALKED["right_phase"].astype(int)]
+        WALKED["right_phase"] = np.array(panel.simulation_setup.table.phase_names)[
+            WALKED["right_phase"].astype(int)
+        ]
     return Block(first, end, {name: column[first:end] for name, column in WALKED.items()}, "")
 
 

@@ -79,7 +79,7 @@ def test_fades_that_overlap_pushes_faults_a_stop_and_a_restart_are_walked_again(
     desk.turn(1.40, "late_stance.hip.stiffness", 2.2)
     desk.send(2.00, "restart")
     desk.turn(2.70, "all", None)
-    rig = Rig(desk.panel.problem, desk.script, longest=2600)
+    rig = Rig(desk.panel.simulation_setup, desk.script, longest=2600)
     rig.loop.walk()
     first, second = rig.takes
     assert first.trip is not None and len(first.rows) == pytest.approx(2000, abs=450)
@@ -105,7 +105,7 @@ def test_steps_by_hand_and_the_controls_of_the_monitor_are_walked_again(bench: L
     desk.turn(7.2, "monitor.right.hip.torque", 3.3)
     desk.turn(7.3, "mode", "torque_control")
     desk.turn(7.8, "mode", "walk")
-    rig = Rig(desk.panel.problem, desk.script, longest=9000)
+    rig = Rig(desk.panel.simulation_setup, desk.script, longest=9000)
     rig.loop.walk()
     assert not any(item["refused"] for item in rig.answers().values())
     (walk,) = rig.takes
@@ -136,7 +136,7 @@ def test_every_change_of_a_walk_is_reproduced(seed: int):
             wanted = control.value * generator.uniform(0.95, 1.05)
             desk.turn(time, control.name, float(np.clip(wanted, control.minimum, control.maximum)))
     desk.send(10.0, "end")  # of a walk that has fallen the time stands still
-    rig = Rig(desk.panel.problem, desk.script, longest=9000)
+    rig = Rig(desk.panel.simulation_setup, desk.script, longest=9000)
     rig.loop.walk()
     assert rig.takes and sum(len(walk.events) for walk in rig.takes) > 8
     for walk in rig.takes:
@@ -152,7 +152,7 @@ def test_requests_of_the_modes_are_reproduced_including_rejected_ones():
         desk.send(0.503 + 0.4 * number, "request", request=name)
     desk.turn(1.0, "early_stance.knee.stiffness", 3.0)
     desk.send(7.0, "end")
-    rig = Rig(desk.panel.problem, desk.script, longest=6000)
+    rig = Rig(desk.panel.simulation_setup, desk.script, longest=6000)
     rig.loop.walk()
     (walk,) = rig.takes
     requested = [item["request"] for item in walk.events if "request" in item]
@@ -166,7 +166,7 @@ def test_a_walk_with_too_many_events_takes_no_more_but_is_stopped(bench: LoadedE
     for time in (0.1, 0.2, 0.3):
         desk.turn(time, "late_stance.hip.stiffness", 2.0 + time)
     desk.send(0.4, "stop")
-    rig = Rig(desk.panel.problem, desk.script)
+    rig = Rig(desk.panel.simulation_setup, desk.script)
     rig.loop.walk()
     refused = {serial: item["refused"] for serial, item in rig.answers().items()}
     assert refused[1] == refused[3] == "" and states(refused[2], "settings", "restart")

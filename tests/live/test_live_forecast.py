@@ -32,7 +32,7 @@ def panel():
 @pytest.fixture(scope="module")
 def walks(panel):
     """Return a walk after eight seconds, and another one for the prediction."""
-    walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
+    walking, ahead = SteppedRun(panel.simulation_setup), SteppedRun(panel.simulation_setup)
     walking.advance(8000)
     return walking, ahead
 
@@ -55,7 +55,7 @@ def test_a_change_that_ends_the_walk_is_predicted_to_the_tick(panel, walks, chan
     forecast = predict(ahead, moment, changed(panel, change))
     assert forecast.bad
     # What really comes, by a walk that is changed indeed.
-    real = SteppedRun(panel.problem)
+    real = SteppedRun(panel.simulation_setup)
     real.restore(moment)
     real.set(loop_numbers(changed(panel, change)))
     real.advance(HORIZON)
@@ -76,7 +76,7 @@ def test_a_harmless_change_walks_on_with_its_deviation_and_saturation(panel, wal
 
 def test_after_the_end_a_restart_is_predicted_and_a_manual_step_is_awaited(panel, walks):
     walking, ahead = walks
-    over = SteppedRun(panel.problem)
+    over = SteppedRun(panel.simulation_setup)
     over.advance(1000)
     over.stop()
     over.advance(500)
@@ -88,20 +88,20 @@ def test_after_the_end_a_restart_is_predicted_and_a_manual_step_is_awaited(panel
 
 def test_a_sitting_wearer_without_a_walk_command_does_not_fall():
     panel = ControlPanel(load_experiment("stand_to_sit").experiment)
-    walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
+    walking, ahead = SteppedRun(panel.simulation_setup), SteppedRun(panel.simulation_setup)
     walking.advance(100)
     forecast = predict(ahead, moment_of(walking), changed(panel))
     assert not forecast.bad and states(forecast.text, "does not fall", f"{HORIZON / 1000:.0f} s")
 
 
 def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_for_bit(panel):
-    plain = Rig(panel.problem, [], longest=4000)
+    plain = Rig(panel.simulation_setup, [], longest=4000)
     plain.loop.walk()
     script = [(1.0 + 0.3 * n, {"serial": n, "command": "snapshot"}) for n in range(5)]
-    with_snapshots = Rig(panel.problem, script, longest=4000)
+    with_snapshots = Rig(panel.simulation_setup, script, longest=4000)
     with_snapshots.loop.walk()
     assert all("snapshot" in with_snapshots.answers()[n] for n in range(5))
-    ahead = SteppedRun(panel.problem)
+    ahead = SteppedRun(panel.simulation_setup)
     predict(ahead, with_snapshots.answers()[3]["snapshot"], changed(panel, FALLS[0]))
     np.testing.assert_array_equal(with_snapshots.takes[0].rows, plain.takes[0].rows)
     assert with_snapshots.takes[0].events == ()

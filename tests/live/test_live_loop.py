@@ -138,7 +138,7 @@ def test_long_names_are_shortened_in_the_reason_which_is_all_there(text):
 
 
 def test_a_text_of_a_value_is_shortened_in_its_refusal(treadmill_panel):
-    specs = tuple(action_specs(treadmill_panel.problem))
+    specs = tuple(action_specs(treadmill_panel.simulation_setup))
     message = DoAction(id="1", user="", action="push", values={"joint": "j" * 200})
     with raises(MessageRejected, "joint", "left_hip") as caught:
         action_values(specs, message)
@@ -223,7 +223,7 @@ def another(control):
 
 
 def test_a_table_control_sets_the_number_of_its_phase_joint_and_quantity_in_si(bench_panel):
-    row = bench_panel.problem.table.phase_index("swing_flexion")
+    row = bench_panel.simulation_setup.table.phase_index("swing_flexion")
     for quantity, column, value, si in (
         ("stiffness", STIFFNESS, 2.0, 2.0 / DEGREE),
         ("damping", DAMPING, 21.0, 21.0),
@@ -233,7 +233,7 @@ def test_a_table_control_sets_the_number_of_its_phase_joint_and_quantity_in_si(b
         settings = bench_panel.set(bench_panel.preset, f"swing_flexion.knee.{quantity}", value)
         rows = np.array(loop_numbers(settings)["phase_rows"])
         assert rows[0, row, 4 + column] == pytest.approx(si, rel=1e-14)
-        changed = np.argwhere(rows != bench_panel.problem.phase_rows).tolist()
+        changed = np.argwhere(rows != bench_panel.simulation_setup.phase_rows).tolist()
         # b follows k by the damping ratio of the table, and θ0 through the inertia of both joints.
         follows = {"stiffness": [4 + DAMPING], "equilibrium": [DAMPING, 4 + DAMPING]}.get(quantity, [])
         assert {tuple(item) for item in changed} <= {(0, row, c) for c in [4 + column, *follows]}
@@ -318,7 +318,7 @@ def test_the_range_of_an_own_table_does_not_end_at_its_values():
 
 
 def test_values_of_actions_are_checked_too(treadmill_panel):
-    specs = tuple(action_specs(treadmill_panel.problem))
+    specs = tuple(action_specs(treadmill_panel.simulation_setup))
 
     def checked_values(action, **values):
         return action_values(specs, DoAction(id="1", user="", action=action, values=values))
@@ -497,7 +497,7 @@ class Rig:
 
 @pytest.fixture(scope="module")
 def bench_problem(bench_panel):
-    return bench_panel.problem
+    return bench_panel.simulation_setup
 
 
 def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_problem):
@@ -626,7 +626,7 @@ def test_the_belt_stops_while_a_leg_waits_for_its_step_and_the_walk_continues_af
     treadmill_panel, monkeypatch
 ):
     monkeypatch.setattr(stepping, "MOST_FAULTS", 1)  # the loop of other tests' faults
-    problem = treadmill_panel.problem
+    problem = treadmill_panel.simulation_setup
     numbers = loop_numbers(treadmill_panel.set(treadmill_panel.preset, "manual", True))
     script = [(0.0, {"serial": 1, "command": "settings", "numbers": numbers})]
     script += [(time, {"serial": 2 + k, "command": "step"}) for k, time in enumerate((8.0, 11.0, 14.0, 17.0))]

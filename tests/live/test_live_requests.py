@@ -41,7 +41,7 @@ def test_the_panel_offers_the_requests_of_the_modes_and_no_manual_steps():
     for preset, settings in (("overground", ["modes=walking"]), ("treadmill_start_stop", twin)):
         experiment = load_experiment(preset, settings).experiment
         panel = ControlPanel(experiment)
-        specs = {item.action: item for item in action_specs(panel.problem)}
+        specs = {item.action: item for item in action_specs(panel.simulation_setup)}
         (field,) = specs["request"].fields
         assert field.choices == experiment.modes.requests
         assert "step" not in specs

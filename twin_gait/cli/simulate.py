@@ -198,15 +198,15 @@ def _warn(text: str) -> None:
 
 
 def _finish(session: LiveSession, interrupted: bool) -> int:
-    news, summary = session.walk, session.summary
+    walk, summary = session.walk, session.summary
     if summary:
         print("\n".join(report(summary, *session.summaries)))
-    if news.exit_reason:
-        _warn(f"{news.exit_reason}; the run was saved up to its last second")
+    if walk.exit_reason:
+        _warn(f"{walk.exit_reason}; the run was saved up to its last second")
     if session.failure:
         _warn(session.failure)
-    elif news.store_failure and summary:
-        _warn(f"the run ends at the time of a failed write: {news.store_failure}")
-    if news.exit_reason or news.store_failure or session.failure or summary.get("status") == "diverged":
+    elif walk.store_failure and summary:
+        _warn(f"the run ends at the time of a failed write: {walk.store_failure}")
+    if walk.exit_reason or walk.store_failure or session.failure or summary.get("status") == "diverged":
         return FAILED
     return INTERRUPTED if interrupted else DONE

@@ -66,15 +66,17 @@ def fault_text(values: Mapping[str, Value]) -> str:
     return f"{values['kind']}{f':{location}' if location else ''}@0s{f'={size}' if size else ''}"
 
 
-def action_specs(problem: SimulationSetup) -> Iterator[ActionSpec]:
+def action_specs(simulation_setup: SimulationSetup) -> Iterator[ActionSpec]:
     """Yield the actions that are possible in an experiment."""
-    modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
-    joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
+    modes, limit = simulation_setup.experiment.modes, simulation_setup.experiment.control.limits.torque
+    joints = tuple(f"{item.side}_{item.joint}" for item in simulation_setup.joints)
     requests = () if modes is None else tuple(modes.requests)
     locations = {
-        str(kind): tuple(dict.fromkeys(kind.location(item.side, item.joint) for item in problem.joints))
+        str(kind): tuple(
+            dict.fromkeys(kind.location(item.side, item.joint) for item in simulation_setup.joints)
+        )
         for kind in FaultKind
-        if problem.experiment.scenario.grounded or kind is not FaultKind.FOOT_LOAD_STUCK
+        if simulation_setup.experiment.scenario.grounded or kind is not FaultKind.FOOT_LOAD_STUCK
     }
     anywhere = tuple(dict.fromkeys(itertools.chain(*locations.values())))
     offered = {"joint": joints, "kind": tuple(locations), "place": anywhere, "request": requests}
@@ -143,13 +145,13 @@ class ControlPanel:
 
     Attributes:
         preset: Initial settings of the session.
-        problem: Simulation setup of the initial experiment.
+        simulation_setup: Simulation setup of the initial experiment.
     """
 
     def __init__(self, experiment: Experiment) -> None:
         """Find the ranges of all controls."""
         self.preset: Settings = first_settings(experiment)
-        self.problem: SimulationSetup = self.preset.setup
+        self.simulation_setup: SimulationSetup = self.preset.setup
         self._stops = build_case(experiment.table, experiment).limits
         self._dampings: dict[str, tuple[int, int, int]] = {}  # indices of the table's dampings in phase_rows
         bindings = (*self._own_bindings(), *self._table_bindings(), *self._monitor_bindings())
@@ -186,7 +188,7 @@ class ControlPanel:
 
     def _table_bindings(self) -> Iterator[Binding]:
         """Yield the controls of every phase and joint; phases that differ by side have their own controls."""
-        table, sides = self.preset.table, self.problem.sides
+        table, sides = self.preset.table, self.simulation_setup.sides
         for number, phase in enumerate(table.phases):
             separate = [side for side in sides if phase in table.side_phases.get(side, {})]
             common = [side for side in sides if side not in separate][:1]
@@ -239,7 +241,7 @@ class ControlPanel:
             return 0.0, 1.0
         table = self.preset.table
         column = COLUMNS_PER_JOINT * table.joints.index(joint) + _COLUMNS[quantity]
-        values = self.problem.phase_rows[..., column].ravel()  # values scaled to the wearer
+        values = self.simulation_setup.phase_rows[..., column].ravel()  # values scaled to the wearer
         if quantity == "stiffness":
             sides = (table.phases, *table.side_phases.values())
             given = [one.joints[joint].stiffness for phases in sides for one in phases.values()]

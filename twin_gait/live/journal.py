@@ -178,8 +178,8 @@ class Journal:
         try:
             columns = [pa.array(column) for column in np.ascontiguousarray(whole.rows.T)]
             batch = pa.RecordBatch.from_arrays(columns, names=self._columns)
-            news = _CHUNK_ADAPTER.dump_json(whole, exclude={"rows"})
-            self._stream.write_batch(batch, custom_metadata={_CHUNK_KEY: news})
+            metadata = _CHUNK_ADAPTER.dump_json(whole, exclude={"rows"})
+            self._stream.write_batch(batch, custom_metadata={_CHUNK_KEY: metadata})
         except (OSError, pa.ArrowException) as error:
             self._stream = None
             self._on_write_error(f"{self.path}: can no longer be written ({one_line(error)})")
@@ -222,15 +222,18 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
         setup, columns, pieces = read_journal(journal)
         experiment = experiment_from_mapping(setup["document"], "experiment", Path())
         # The columns of the log do not depend on a user's controller, whose module may have been deleted.
-        problem = replace(build_setup(replace(experiment, controller=None)), experiment=experiment)
-        if columns != log_layout(problem).names:
+        simulation_setup = replace(build_setup(replace(experiment, controller=None)), experiment=experiment)
+        if columns != log_layout(simulation_setup).names:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version; use the version that wrote it"
             )
-        walks, done = list(split_walks(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
+        walks, done = (
+            list(split_walks(pieces, simulation_setup.experiment.n_ticks)),
+            dict[Path, dict[str, Any]](),
+        )
         for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
             document = walked_document(walk, setup["document"])
-            run = walked_run(walk, problem, experiment_from_mapping(document, "experiment", Path()))
+            run = walked_run(walk, simulation_setup, experiment_from_mapping(document, "experiment", Path()))
             drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
                 done[folder] = to_json_value(write_run(run, staging, document=document, pictures=drawn))
@@ -261,9 +264,9 @@ def walked_document(walk: LogChunk, document: Mapping[str, Any]) -> dict[str, An
     return {**document, **{key: value for key, value in more.items() if value or key in document}}
 
 
-def walked_run(walk: LogChunk, problem: SimulationSetup, experiment: Experiment) -> Run:
+def walked_run(walk: LogChunk, simulation_setup: SimulationSetup, experiment: Experiment) -> Run:
     """Return a live walk as a run of an experiment that is as long as the walk."""
-    names, weight = log_layout(problem).names, problem.world.body_weight
-    log = LogArrays(walk.rows.T, names, problem.table.phase_names)
+    names, weight = log_layout(simulation_setup).names, simulation_setup.world.body_weight
+    log = LogArrays(walk.rows.T, names, simulation_setup.table.phase_names)
     ended = {name: getattr(walk, name) for name in ("switches", "status", "reason", "wall_s", "trip")}
-    return Run(experiment=experiment, table=problem.table, log=log, body_weight=weight, **ended)
+    return Run(experiment=experiment, table=simulation_setup.table, log=log, body_weight=weight, **ended)

@@ -54,9 +54,13 @@ class LiveScene:
         mode: Mode of operation; None in a walk without modes, and before the first block.
     """
 
-    def __init__(self, problem: SimulationSetup) -> None:
+    def __init__(self, simulation_setup: SimulationSetup) -> None:
         """Draw the legs of an experiment. Raises ModelError if the URDF cannot be read."""
-        experiment, model, columns = problem.experiment, problem.world.model, log_layout(problem).names
+        experiment, model, columns = (
+            simulation_setup.experiment,
+            simulation_setup.world.model,
+            log_layout(simulation_setup).names,
+        )
         self.window = CommandBuffer()
         self.mode: str | None = None
         self._scene = build_scene(self.window, model, **scene_options(experiment))
@@ -170,7 +174,7 @@ class LivePageServer(SceneServer):
         self._serial = 0
         self._last_beat = -math.inf
         self._id = secrets.token_hex(8)  # lets a page that outlives the session detect the next session
-        self.figure = LiveScene(session.panel.problem)
+        self.figure = LiveScene(session.panel.simulation_setup)
         super().__init__(live_page(), first_port=port)
 
     def update(self) -> None:

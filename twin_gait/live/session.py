@@ -88,10 +88,10 @@ class LiveSession:
         self.settings: Settings = self.panel.preset
         self.controls = self.panel.controls(self.settings)
         self._known_errors: Mapping[FindingKey, str] = {}
-        self._actions = tuple(action_specs(self.panel.problem))
+        self._actions = tuple(action_specs(self.panel.simulation_setup))
         self.walk = WalkProcess(
             self.event_log,
-            self.panel.problem,
+            self.panel.simulation_setup,
             on_compile=self.on_compile,
             on_store_failure=self._report_store_failure,
         )
@@ -116,7 +116,7 @@ class LiveSession:
             has = "events, which only simulate executes"
             raise ParameterError(f"{name}: has {has}; leave them out with --set events=[]")
         if self.can is not None:
-            self._link = CanLink(self.can, self.panel.problem, self.event_log, self.submit)
+            self._link = CanLink(self.can, self.panel.simulation_setup, self.event_log, self.submit)
             self.walk.on_block = self._link.add_block
         records = None if self.records is None else str(self.records.expanduser().absolute())
         setup = {"document": document, "folder": str(self.folder), "force": self.force, "records": records}
@@ -181,7 +181,7 @@ class LiveSession:
 
     def state(self) -> State:
         """Return the state of the panel with its present values."""
-        table = self.panel.problem.table
+        table = self.panel.simulation_setup.table
         return State(
             experiment=self.loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
             controls=self.controls, actions=self._actions,
@@ -214,7 +214,7 @@ class LiveSession:
     def _prepare(self) -> None:
         """Find the errors that exist before any change, and build the run for forecasts."""
         self._known_errors = find_errors(self.settings)
-        self._forecast_run = SteppedRun(self.panel.problem)
+        self._forecast_run = SteppedRun(self.panel.simulation_setup)
 
     def _apply_settings(self, message: Message, settings: Settings, *names: str) -> None:
         """Check new settings of some controls, and send them to the walk, or only predict their effect."""

@@ -92,7 +92,7 @@ class WalkProcess:
     def __init__(
         self,
         event_log: EventLog,
-        problem: SimulationSetup,
+        simulation_setup: SimulationSetup,
         *,
         on_compile: Callable[[], None],
         on_store_failure: Callable[[str], None],
@@ -108,7 +108,10 @@ class WalkProcess:
         self.on_block: Callable[[Block], None] = lambda block: None  # receives the walk, block by block
         self.store_failure = ""  # reason why the walk is no longer stored, or empty
         self._event_log, self._on_compile, self._on_store_failure = event_log, on_compile, on_store_failure
-        self._layout, self._phases = log_layout(problem), np.array(problem.table.phase_names)
+        self._layout, self._phases = (
+            log_layout(simulation_setup),
+            np.array(simulation_setup.table.phase_names),
+        )
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
@@ -212,23 +215,23 @@ class WalkProcess:
                 self.store_failure = message["text"]
                 self._on_store_failure(self.store_failure)
 
-    def _store_telemetry(self, news: Mapping[str, Any]) -> None:
+    def _store_telemetry(self, telemetry: Mapping[str, Any]) -> None:
         """Store rows and state of the walk for the pages, and emit a note if the walk has ended."""
         names = self._layout.names
-        rows = np.frombuffer(base64.b64decode(news["rows"])).reshape(-1, len(names))
+        rows = np.frombuffer(base64.b64decode(telemetry["rows"])).reshape(-1, len(names))
         if len(rows):
             columns = dict(zip(names, rows.T, strict=True))
             for name in (name for name in names if name.endswith("_phase")):
                 columns[name] = self._phases[columns[name].astype(int)]
-            if news["first"] == 0:
+            if telemetry["first"] == 0:
                 self._blocks.clear()  # a new walk
-            block = Block(news["first"], news["tick"], columns, news["tripped"])
+            block = Block(telemetry["first"], telemetry["tick"], columns, telemetry["tripped"])
             self._blocks.append(block)
             self.on_block(block)
-        before, self._event_log.tick = self.status, max(news["tick"] - 1, 0)
-        self.frame = {**news, "tick": self._event_log.tick}
+        before, self._event_log.tick = self.status, max(telemetry["tick"] - 1, 0)
+        self.frame = {**telemetry, "tick": self._event_log.tick}
         if self.status != before and self.status in _ENDINGS:
-            texts = [event["text"] for event in news["events"]]
+            texts = [event["text"] for event in telemetry["events"]]
             self._event_log.emit("note", "; ".join([*texts, f"{self.status}: restart to walk"]))
 
     def _note_end(self, status: int) -> None:

@@ -13,7 +13,7 @@ from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.simulation_setup import SimulationSetup
 
 
-def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.DataFrame:
+def check_log(log: pd.DataFrame, simulation_setup: SimulationSetup, path: Path) -> pd.DataFrame:
     """Check that a log has the columns of an experiment, with numbers, known phases and a row for every tick.
 
     Returns the log with its phases as categories of the gait table. Raises RunDirectoryError with the column
@@ -22,12 +22,12 @@ def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.Dat
     again = f"restore the file, or run it again: twin-gait simulate {path.parent}"
     if log.empty:
         raise RunDirectoryError(f"{path}: has no rows; {again}")
-    names = ["time_s", *log_layout(problem).names]
+    names = ["time_s", *log_layout(simulation_setup).names]
     missing = [name for name in names if name not in log.columns]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise RunDirectoryError(f"{path}: {missing[0]}{more}: there is no such column; {again}")
-    phases, table = problem.table.phase_names, LogTable(str(path), log)
+    phases, table = simulation_setup.table.phase_names, LogTable(str(path), log)
     found: dict[str, Any] = {}
     for name in names:
         if name.endswith("_phase"):

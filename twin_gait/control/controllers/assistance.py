@@ -24,7 +24,7 @@ class AssistanceParameters(Parameters):
             :func:`~twin_gait.control.controllers.assistance.adapted_assistance`.
         forgetting_factor: Forgetting factor f (assumption: assistance halves in seven strides without an
             error).
-        gain: Gain g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
+        gain: Gain g in 1 / [rad] (assumption: an error of 10° beyond the deadband keeps full assistance).
         error_deadband: Error deadband e_0 in [rad] (assumption: somewhat below the error of the shipped
             gait).
         min_assistance: Minimum assistance α_min (assumption).
@@ -51,7 +51,7 @@ def adapted_assistance(settings: AssistanceParameters, assistance: float, error:
     :math:`\alpha_{n+1} = f\,\alpha_n + g\,\max(0, e_n - e_0), \qquad \alpha_{min} \le \alpha \le 1`
 
     with the mean absolute error e_n in [rad]. Assistance decays by the factor f and increases again if the
-    error is larger than the allowance, after J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement
+    error is larger than the deadband, after J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement
     training as an optimization problem, IEEE ICORR (2005) 307-312.
     """
     excess = max(0.0, error - settings.error_deadband)
