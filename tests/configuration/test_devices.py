@@ -15,7 +15,8 @@ from twin_gait.configuration.device_file import PARTS, Device, list_devices, loa
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.identity import identify_parts
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.parameters.drives import ActuatorParameters, LimitParameters
+from twin_gait.experiment.device import ControlParameters, PlantParameters
+from twin_gait.parameters.drives import ActuatorParameters, LimitParameters, SensorParameters
 from twin_gait.report.device_page import SPEED_SHARES, describe_device, torque_curve
 
 COMPLETE = sorted(set(list_devices()) - {"ideal"})  # a base without legs and drives
@@ -178,3 +179,19 @@ def test_page_of_a_device_as_text_and_json(capsys: pytest.CaptureFixture[str]) -
 def test_incomplete_base_is_refused_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["device", "ideal"]) == 2
     assert "ideal.yaml" in capsys.readouterr().err
+
+
+def test_edited_device_is_read_again(tmp_path: Path) -> None:
+    for voltage in (24.0, 26.0):
+        path = write(tmp_path / "mine.yaml", extends="twin", plant={"battery": {"voltage_V": voltage}})
+        assert load_experiment("treadmill", [f"device={path}"]).experiment.plant.battery.voltage == voltage
+
+
+def test_defaults_in_python_are_the_numbers_of_the_leg_on_its_stand() -> None:
+    device = load_device("twin_leg").parameters()
+    plant, control = PlantParameters(), ControlParameters()
+    assert device["plant"] == plant
+    assert device["sensors"] == SensorParameters()
+    assert [getattr(device["control"], part) for part in PARTS["control"]] == [
+        getattr(control, part) for part in PARTS["control"]
+    ]

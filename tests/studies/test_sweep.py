@@ -202,6 +202,12 @@ def test_resuming_a_finished_sweep_changes_nothing(swept, capsys):
     assert (out / "table.parquet").read_bytes() == before
 
 
+def test_unstable_steps_are_counted_without_unknown_ones_and_without_episodes():
+    steps = pd.array([True, False, None, False], dtype="boolean")
+    assert sweep_module._count_unstable_steps(pd.DataFrame({"step_stable": steps})) == 2
+    assert sweep_module._count_unstable_steps(pd.DataFrame()) == 0
+
+
 def test_stopping_and_resuming_gives_the_same_table(swept, tmp_path):
     sweep, out = load_sweep(swept[0]), tmp_path / "out"
     done = []

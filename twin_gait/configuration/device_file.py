@@ -114,14 +114,19 @@ def load_device(name: str, folder: Path | None = None) -> Device:
         ParameterError: If there is no such device.
         ParameterFileError: If a file has a mistake, or if the device does not state a number.
     """
-    return _read_device(named_file(name, "devices", folder).resolve())
+    path = named_file(name, "devices", folder).resolve()
+    shipped = (item.resolve() for item in packaged("devices").values())
+    return _read_shipped_device(path) if path in shipped else _read_device(path)
 
 
-@cache
 def _read_device(path: Path) -> Device:
+    """Read a device and check that it is complete."""
     device = _merged(path, ())
     _require_complete(device)
     return device
+
+
+_read_shipped_device = cache(_read_device)  # the file of a user may change while the program runs
 
 
 def _merged(path: Path, extended_by: tuple[Path, ...]) -> Device:

@@ -82,7 +82,8 @@ def run_episodes(
         raise ParameterError(f"{episode_name(error.index)}: {error.problem}") from error
 
 
-def _itself(experiment: Experiment) -> Experiment:
+def identity(experiment: Experiment) -> Experiment:
+    """Return an experiment as it is, for items that are experiments."""
     return experiment
 
 
@@ -166,7 +167,7 @@ def simulate_batch(
         apply_override(base, override, f"episode {index}") for index, override in enumerate(overrides)
     ]
     rows = run_episodes(
-        _itself, flat_summary, experiments, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
+        identity, flat_summary, experiments, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
     )
     return results_table(overrides, summary_table(rows))
 

@@ -29,11 +29,12 @@ SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most,
 # Steps in [s]; a whole number of each fills a tick of 1 ms.
 STEPS = tuple(1e-3 / number for number in (4, 5, 8, 10, 20, 40, 50, 100))
 RK4_LIMIT = 2.785  # Largest step over the time constant of a decay at which Runge-Kutta is stable.
-# Peak load of a foot divided by the effective mass of the foot in [m] / [s²]: the largest of 300 random
-# wearers (40 to 110 kg, 1.50 to 1.95 m, 0.8 to 2.6 km/h, support of 0 to 75 %), rounded up.
+# Peak load of a foot divided by the effective mass of the foot in [m/s²], for the shipped gait table: the
+# largest of 300 random wearers (40 to 110 kg, 1.50 to 1.95 m, 0.8 to 2.6 km/h, support of 0 to 75 %; computed
+# once on 2026-11-29), rounded up. examples/validation.py checks the resulting steps with 64 other wearers.
 LOAD_PER_MASS = 1100.0
-# It is proportional to the carried share of the weight up to SLOW in [m] / [s]. The load peaks of faster
-# walks are higher: 2.8 times the carried weight at 1.5 km/h, 7 times at 2.4 km/h. Growth in [s] / [m].
+# It is proportional to the carried share of the weight up to SLOW in [m/s]. The load peaks of faster walks
+# are higher: 2.8 times the carried weight at 1.5 km/h, 7 times at 2.4 km/h. Growth in [s/m].
 SLOW, GROWTH_WITH_SPEED = 1.5 / 3.6, 5.8
 BELT_RANGE = (0.5, 1.5)  # range of adjustment relative to the present speed; tables are made for one speed
 
@@ -153,7 +154,7 @@ def largest_stable_step(contact: ContactParameters, belt_speed: float, carried_s
     :data:`LOAD_PER_MASS`. A walk with higher load peaks needs a smaller step; the energy balance of its
     summary then shows it.
 
-    ``belt_speed`` in [m] / [s]; ``carried_share``: share of the weight that the legs carry. Returns the step
+    ``belt_speed`` in [m/s]; ``carried_share``: share of the weight that the legs carry. Returns the step
     in [s], and the smallest one if none is stable.
     """
     share = carried_share * (1.0 + GROWTH_WITH_SPEED * max(0.0, belt_speed - SLOW))

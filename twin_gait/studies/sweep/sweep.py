@@ -169,7 +169,7 @@ def run_sweep(
             "finished": len(table),
             "outcomes": {str(name): int(count) for name, count in sorted(_outcomes(table).items())},
             # episodes whose energy balance shows that their step was too large
-            "unstable_steps": int((table["step_stable"] == False).sum()),  # noqa: E712
+            "unstable_steps": _count_unstable_steps(table),
             # requested measures that no completed episode has
             "not_drawn": [name for name, found in measured.items() if not found],
             "last_call": {
@@ -225,6 +225,11 @@ def _outcomes(table: pd.DataFrame) -> pd.Series:
     if "outcome" not in table:
         return pd.Series(dtype=int)
     return table["outcome"].fillna(table["status"]).value_counts()
+
+
+def _count_unstable_steps(table: pd.DataFrame) -> int:
+    """Count the episodes whose step was too large; a table without a finished episode has no columns."""
+    return int(table["step_stable"].eq(False).sum()) if "step_stable" in table else 0
 
 
 def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str, str]:

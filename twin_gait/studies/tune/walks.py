@@ -17,7 +17,7 @@ from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters.wearer import HEAVIEST_WEARER
 from twin_gait.simulation.block import WIDTH
-from twin_gait.studies.batch import override_experiment, run_episodes, walking_wearer
+from twin_gait.studies.batch import identity, override_experiment, run_episodes, walking_wearer
 from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.studies.tune.objective import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
@@ -63,11 +63,6 @@ def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Work
     if len(results) < len(walks):
         raise TuningStopped
     return results
-
-
-def identity(walk: Experiment) -> Experiment:
-    """Return the walk, which is its own experiment."""
-    return walk
 
 
 def table_performance(walks: Sequence[Rating]) -> list[float | None]:
