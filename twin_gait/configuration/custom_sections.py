@@ -115,6 +115,7 @@ class ExperimentSection(Section):
     scenario: Section
     table: dict[str, Any]
     modes: dict[str, Any] | None = None
+    own_gait: dict[str, Any] | None = None
     events: tuple[EventEntry, ...] = ()
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
     controller: UserControllerSection | None = None

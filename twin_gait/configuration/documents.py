@@ -11,8 +11,9 @@ from typing import Any
 from twin_gait.configuration.custom_sections import user_controller_document
 from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
-from twin_gait.configuration.sections import to_yaml
+from twin_gait.configuration.sections import section_of, to_yaml
 from twin_gait.experiment.experiment import Experiment
+from twin_gait.experiment.own_gait import OwnGait
 from twin_gait.gait.table import StateTable
 from twin_gait.yaml12 import dump_yaml as dump_yaml
 
@@ -38,11 +39,18 @@ def table_document(table: StateTable) -> dict[str, Any]:
     return {"schema_version": SCHEMA_VERSION, **content}
 
 
+def own_gait_document(own_gait: OwnGait) -> dict[str, Any]:
+    """Convert a wearer's own gait to the mapping of a file, in SI."""
+    return {"table": table_document(own_gait.table), **section_of(OwnGait).document(own_gait)}
+
+
 def experiment_document(experiment: Experiment) -> dict[str, Any]:
     """Convert an experiment to its file's mapping, fully resolved; reading it gives an equal experiment."""
     document = to_yaml(experiment)
     if experiment.modes is not None:
         document["modes"] = table_document(experiment.modes)
+    if experiment.own_gait is not None:
+        document["own_gait"] = own_gait_document(experiment.own_gait)
     if experiment.controller is not None:
         document["controller"] = user_controller_document(experiment.controller)
     if experiment.events:

@@ -28,6 +28,7 @@ from twin_gait.configuration.validation import (
 )
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration
+from twin_gait.experiment.own_gait import OwnGait
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters.wearer import Patient
@@ -81,6 +82,8 @@ def experiment_from_mapping(
         found["table"] = previous.experiment.table
     if entry.modes is not None:
         found["modes"] = gait_table_file.mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
+    if entry.own_gait is not None:
+        found["own_gait"] = _own_gait(entry.own_gait, source)
     if entry.controller is not None:
         found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
@@ -114,6 +117,30 @@ def experiment_from_mapping(
     plain = convert_with_context(source, "", lambda: Experiment(**found))
     events = events_of(entry.events, plain, source)
     return convert_with_context(source, "", lambda: replace(plain, events=events))
+
+
+def _own_gait(data: Mapping[str, Any], source: str) -> OwnGait:
+    """Convert the section of a wearer's own gait, with its table inline."""
+    table, name = data.get("table"), f"{source}: own_gait"
+    if not isinstance(table, Mapping):
+        known = ", ".join(packaged("tables"))
+        raise ParameterFileError(
+            source, "own_gait.table", f"expected a gait table, or the name of one of {known}, got {table!r}"
+        )
+    converted = gait_table_file.gait_table_from_mapping({**table}, f"{name}.table", "own_gait")
+    others = {key: value for key, value in data.items() if key != "table"}
+    section = validate(section_of(OwnGait), others, source, "own_gait")
+    own: OwnGait = convert_with_context(source, "", lambda: OwnGait(table=converted, **section.values()))
+    return own
+
+
+def _resolved_own_gait(value: Any, path: Path) -> dict[str, Any] | None:
+    """Return the section of a wearer's own gait with its table inline; ``value``: a section or a table."""
+    if value is None:
+        return None
+    section = {**value} if isinstance(value, Mapping) else {"table": value}
+    table = load_named_document("table", section.get("table"), path)
+    return section if table is None else {**section, "table": table}
 
 
 def _experiment_section(scenario: Any, source: str) -> Any:
@@ -174,7 +201,11 @@ def load_named_document(key: str, value: Any, path: Path, source: str = "") -> d
 
 def read_patient(path: Path) -> Patient:
     """Read the file of a person. Raises ParameterFileError if it has a mistake."""
-    section = validate(section_of(Patient), _person(read_yaml(path), path), str(path))
+    person = _person(read_yaml(path), path)
+    own_gait = _resolved_own_gait(person.pop("own_gait", None), path)
+    if own_gait is not None:
+        _own_gait(own_gait, str(path))
+    section = validate(section_of(Patient), person, str(path))
     patient: Patient = convert_with_context(str(path), "", section.convert)
     return patient
 
@@ -215,6 +246,10 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     where = f"{where} with --set" if settings else where
     for keys, value in others:
         key = str(keys[0])
+        if keys in (["own_gait"], ["own_gait", "table"]) and value is not None:
+            below = data.get("own_gait") or {}
+            data["own_gait"] = {**below, **(_resolved_own_gait(value, path) or {})}
+            continue
         whole = load_named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
         if whole is None:
             changes.append((keys, value))
@@ -244,8 +279,14 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
     for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():
             wearer.pop(side, None)  # effort and stiffness of a wearer's joints have no default
-    whole = {key: data[key] for key in ("table", "modes", "controller") if data.get(key) is not None}
-    typed = {key: value for key, value in data.items() if key not in (*whole, "modes", "provenance", "leg")}
+    whole = {
+        key: data[key] for key in ("table", "modes", "own_gait", "controller") if data.get(key) is not None
+    }
+    typed = {
+        key: value
+        for key, value in data.items()
+        if key not in (*whole, "modes", "own_gait", "provenance", "leg")
+    }
     document = {**merge(defaults, typed), **whole}
     if experiment.network is not None and isinstance(document["network"], dict):
         document["network"]["dbc"] = experiment.network.dbc  # an absolute path
@@ -343,6 +384,11 @@ def _resolved(data: dict[str, Any], path: Path, device: Device | None = None) ->
         device = _named_device(name, path)
     found = {key: load_named_document(key, given.get(key), path) for key in _NAMED}
     whole = {key: document for key, document in found.items() if document is not None}
+    if (person := whole.get("patient")) is not None and "own_gait" in person:
+        whole["patient"] = {key: value for key, value in person.items() if key != "own_gait"}
+        given.setdefault("own_gait", person["own_gait"])
+    if "own_gait" in given:
+        given["own_gait"] = _resolved_own_gait(given["own_gait"], path)
     base: dict[str, Any] = {}
     if (preset := data.get("preset")) is not None:
         below = _preset(preset) if isinstance(preset, str) else None

@@ -80,6 +80,16 @@ def limbs(*steps: Any) -> ForEach:
     return ForEach("limbs", steps)
 
 
+def wearer_legs(*steps: Any) -> ForEach:
+    """Group steps that run over the legs of the wearer, with or without a device."""
+    return ForEach("wearer_legs", steps)
+
+
+def own_joints(*steps: Any) -> ForEach:
+    """Group steps that run over the joints of the wearer's own gait."""
+    return ForEach("own_joints", steps)
+
+
 def when(condition: str, *steps: Any, otherwise: Schedule = ()) -> When:
     """Group steps that run under a condition, and those that run otherwise."""
     return When(condition, steps, otherwise)

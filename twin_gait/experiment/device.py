@@ -1,6 +1,6 @@
 """Parameters of the device of an experiment: controller, and plant of the leg."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
@@ -24,7 +24,7 @@ from twin_gait.parameters.drives import (
 from twin_gait.parameters.environment import AnkleParameters, StopParameters
 from twin_gait.parameters.friction import FrictionLaw, FrictionParameters
 from twin_gait.parameters.wearer import Patient
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
@@ -145,18 +145,22 @@ class PlantParameters(quantities.Parameters):
             if joint not in self.friction:
                 raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
 
-    def rows(self, model: LegModel) -> tuple[Plant, ...]:
-        """Return friction, stops and ankle springs of every coordinate of a model."""
+    def rows(self, model: LegModel, driven_sides: Collection[Side]) -> tuple[Plant, ...]:
+        """Return friction, stops and ankle springs of every coordinate of a model.
+
+        ``driven_sides``: legs of the device, whose joints have drives with friction.
+        """
         found, friction = tuple(Plant() for _ in range(model.nv)), self.true_friction()
         tall, ankle = 0.0 if model.patient is None else model.patient.height, self.ankle
         stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * self.gravity * tall
         for side, leg in model.legs.items():
             for joint, _ in leg.items():
-                row, actuator = found[model.index(side, joint)], self.actuators.get(joint)
+                row = found[model.index(side, joint)]
+                actuator = self.actuators.get(joint) if side in driven_sides else None
                 row.stop = MechanicalStop(
                     *model.position_limits(side, joint), self.stops.stiffness, self.stops.dissipation
                 )
-                if joint is JointName.ANKLE:
+                if joint is JointName.ANKLE and side in (ankle.sides or model.sides):
                     row.spring = Spring(stiffness, ankle.damping, stiffness * ankle.rest)
                 if actuator is not None:
                     row.friction = friction[joint].to_plant_friction(actuator.gear_efficiency)

@@ -10,6 +10,7 @@ from twin_gait.control.user_controller import UserController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters, DeviceIdentity, PlantParameters
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
+from twin_gait.experiment.own_gait import OwnGait
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model.joints import BodySelection
@@ -28,8 +29,8 @@ from twin_gait.parameters.quantities import (
     Time,
     require,
 )
-from twin_gait.parameters.wearer import Patient
-from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.parameters.wearer import JointCondition, Patient
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.bracing import brace_world, is_step_stable
 from twin_gait.worlds.faults import Fault, FaultKind, parse_fault
 from twin_gait.worlds.registry import build_world
@@ -121,6 +122,7 @@ class Experiment(Parameters):
         table: Gait table, before scaling.
         duration: Duration in [s], rounded to whole ticks.
         patient: Wearer, or None for the empty device.
+        own_gait: The wearer's own gait, which moves the joints without a drive, or None.
         control: Parameters of the controller.
         plant: True properties of legs and drives.
         sensors: Encoders, filters and the inertial measurement unit.
@@ -144,6 +146,7 @@ class Experiment(Parameters):
     table: Annotated[GaitTable, CustomSerialized()]
     duration: Annotated[Time, DURATIONS] = 20.0
     patient: Patient | None = field(default_factory=Patient)
+    own_gait: Annotated[OwnGait | None, CustomSerialized()] = None
     control: ControlParameters = field(default_factory=ControlParameters)
     plant: PlantParameters = field(default_factory=PlantParameters)
     sensors: SensorParameters = field(default_factory=SensorParameters)
@@ -166,9 +169,9 @@ class Experiment(Parameters):
         require(bool(plain), "name", "a name without slashes, line breaks and null characters", self.name)
         self._check_joints()
         for fault in self.faults:
-            fault.require_fit(self.leg.legs, self.joints, self.scenario.grounded, self.duration)
+            fault.require_fit(self.sides, self.joints, self.scenario.grounded, self.duration)
         for side, angles in self.sensors.offset.items():
-            require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
+            require(side in self.sides, "sensors offset", "a leg of the device", str(side))
             for joint in angles:
                 known = f"one of {', '.join(self.joints)}"
                 require(joint in self.joints, "sensors offset", known, str(joint))
@@ -177,9 +180,10 @@ class Experiment(Parameters):
         expected = "control.safety.enabled: true, because the legs cannot walk without angles"
         require(safe, "faults", expected, ", ".join(blind))
         if self.network is not None:
-            self.network.require_fit(self.leg.legs, self.joints, self.duration)
+            self.network.require_fit(self.sides, self.joints, self.duration)
         self._check_modes()
         self._check_events()
+        self._check_own_gait()
         bare = self.patient is None or self.scenario.pelvis is PelvisGuide.FREE
         expected = "rigid, because there is no wearer, or one whose trunk is free"
         require(self.interface is None or not bare, "interface", expected, "brace")
@@ -194,7 +198,7 @@ class Experiment(Parameters):
         table, modes = f"gait table {self.table.name!r}", f"modes {self.modes.name!r}"
         known = f"one of {', '.join(self.modes.phases)} of {modes}"
         require(self.initial_mode in (None, *self.modes.phases), "initial_mode", known, self.initial_mode)
-        require(len(self.leg.legs) == 2, "modes", "an experiment with two legs", ", ".join(self.leg.legs))
+        require(len(self.sides) == 2, "modes", "a device with two legs", ", ".join(self.sides))
         controlled = f"joints that {table} controls, {', '.join(self.table.joints)}"
         are_controlled = set(self.modes.joints) <= set(self.table.joints)
         require(are_controlled, f"joints of {modes}", controlled, ", ".join(self.modes.joints))
@@ -206,7 +210,7 @@ class Experiment(Parameters):
     def _check_events(self) -> None:
         """Sort the events by time; check their times and joints, and that steps by hand are possible."""
         object.__setattr__(self, "events", tuple(sorted(self.events, key=lambda item: item.tick)))
-        joints = [f"{side}_{joint}" for side in self.leg.legs for joint in self.joints]
+        joints = [f"{side}_{joint}" for side in self.sides for joint in self.joints]
         for item in self.events:
             ends = f"a time before the end of the run at {self.duration:g} s"
             require(item.tick < self.n_ticks, "events", ends, round(item.tick * TICK, 3))
@@ -215,6 +219,34 @@ class Experiment(Parameters):
             if isinstance(item, Step) or (isinstance(item, Change) and item.changes.get("manual")):
                 expected = f"a gait table with the phase {HELD_PHASE}, and no modes (then send requests)"
                 require(self.stepped_by_hand, "steps by hand", expected, self.table.name)
+
+    def _check_own_gait(self) -> None:
+        """Check that the wearer's own gait has a wearer, a world and joints that fit it."""
+        own = self.own_gait
+        if own is None:
+            return
+        if self.patient is None:
+            raise ParameterError("own_gait: expected null without a patient, who would walk")
+        guided = self.scenario.pelvis in (PelvisGuide.VERTICAL, PelvisGuide.HARNESS)
+        require(
+            guided,
+            "own_gait",
+            "null but on a treadmill, because it is found for a guided pelvis",
+            own.table.name,
+        )
+        require(self.modes is None, "own_gait", "null with modes, which it does not know", own.table.name)
+        for side, leg in self.leg.legs.items():
+            for joint in own.joints:
+                known = f"joints that leg.{side} has, {', '.join(name for name, _ in leg.items())}"
+                require(joint in dict(leg.items()), "own_gait.table.joints", known, str(joint))
+        driven = {(side, joint) for side in self.sides for joint in self.joints}
+        moved = {(side, joint) for side in self.leg.legs for joint in own.joints} - driven
+        without = "a joint without a drive, because the device drives all joints of the table"
+        require(bool(moved), "own_gait.table.joints", without, ", ".join(own.joints))
+        for side, joint in sorted(moved):
+            effort = self.patient.conditions.get((side, joint), JointCondition()).effort
+            moves = "0, because the wearer's own gait moves this joint"
+            require(effort == 0.0, f"patient.{side}.{joint}.effort", moves, effort)
 
     @property
     def stepped_by_hand(self) -> bool:
@@ -226,7 +258,7 @@ class Experiment(Parameters):
         table, names = f"gait table {self.table.name!r}", ", ".join(self.table.joints)
         ordered = [joint for joint in JointName if joint in self.table.joints] == list(self.table.joints)
         require(ordered, f"joints of {table}", f"some of {', '.join(JointName)}, in this order", names)
-        needed: dict[str, Any] = {f"leg.{side}": dict(leg.items()) for side, leg in self.leg.legs.items()}
+        needed: dict[str, Any] = {f"leg.{side}": dict(self.leg.legs[side].items()) for side in self.sides}
         needed["plant.actuators"] = self.plant.actuators
         needed["control.friction_model"] = self.control.friction_model
         for joint in self.joints:
@@ -237,6 +269,11 @@ class Experiment(Parameters):
         problem = self.control.controller().check_joints(self.joints)
         if problem:
             raise ParameterError(f"{problem}; {table} controls {names}")
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """Legs of the device; the wearer may have another one without a device."""
+        return self.leg.driven_sides or tuple(self.leg.legs)
 
     @cached_property
     def joints(self) -> tuple[JointName, ...]:
@@ -266,7 +303,11 @@ class Experiment(Parameters):
         model = self.leg_model(self.patient, pelvis)
         self._compare_effort_limits(model)
         world = build_world(
-            self.scenario, model, plant=plant.rows(model), ankle_rest=plant.ankle.rest, gravity=plant.gravity
+            self.scenario,
+            model,
+            plant=plant.rows(model, self.sides),
+            ankle_rest=plant.ankle.rest,
+            gravity=plant.gravity,
         )
         if self.interface is not None:
             device, wearer = (
@@ -284,8 +325,8 @@ class Experiment(Parameters):
     def _compare_effort_limits(self, model: LegModel) -> None:
         """Warn if the limit of the command torque is above the effort limit in the URDF of a driven joint."""
         limit = self.control.limits.torque
-        for side, leg in model.legs.items():
-            for joint, name in leg.items():
+        for side in self.sides:
+            for joint, name in model.legs[side].items():
                 allowed = model.effort_limit(side, joint)
                 if joint in self.plant.actuators and limit > allowed:
                     text = (
@@ -303,6 +344,9 @@ class Experiment(Parameters):
             self.leg.legs,
             patient=patient,
             fit_device=self.leg.fit_device,
+            made_to_measure=self.leg.made_to_measure,
+            driven_sides=self.sides,
+            attachment=self.leg.attachment,
             pelvis=pelvis,
             armature={joint: item.armature for joint, item in self.plant.actuators.items()},
             gravity=self.plant.gravity,

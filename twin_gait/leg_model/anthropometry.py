@@ -131,6 +131,16 @@ def device_sizes(patient: Patient) -> DeviceSizes:
     )
 
 
+def wearer_sizes(patient: Patient) -> DeviceSizes:
+    """Return the sizes of a device that is made to the measure of a wearer: the lengths of the body."""
+    return DeviceSizes(
+        femur=THIGH_LENGTH * patient.height,
+        tibia=SHANK_LENGTH * patient.height,
+        waist=HIP_BREADTH * patient.height,
+        foot=FOOT_LENGTH * patient.height,
+    )
+
+
 def segment_inertia(
     segment: Segment, body_mass: float, axis: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import copy
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import anthropometry
+from twin_gait.leg_model.attachments import AddedMass, BodySegment, segments_of
 from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, reversed_joints
 from twin_gait.leg_model.plausibility import check_couplings, check_segments
 from twin_gait.leg_model.urdf import build_model
@@ -121,35 +122,79 @@ class Assembly:
                     if frame.parentJoint == ankle:
                         frame.placement.translation = frame.placement.translation * ratio
 
-    def add_wearer(self, patient: Patient, *, wearer_only: bool = False) -> None:
+    def add_wearer(
+        self, patient: Patient, replaced: Mapping[BodySegment, float], *, wearer_only: bool = False
+    ) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
+        ``replaced``: share of the mass of a segment that is missing; 0 for a segment without an entry.
         ``wearer_only``: keep the joints in place, but remove the mass of the links of the device.
         """
         for joint in range(self.model.njoints) if wearer_only else ():
             self.model.inertias[joint] = pin.Inertia.Zero()
         segments = anthropometry.wearer_segments(patient)
-        for leg in self.legs.values():
+        for side, leg in self.legs.items():
+            left = [1.0 - replaced.get(name, 0.0) for name in segments_of(side)]
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
             if leg.ankle is None:
                 shank = SHANK_LENGTH * patient.height * (thigh / np.linalg.norm(thigh))
             else:
                 shank = self.model.jointPlacements[self._id(leg.ankle)].translation.copy()
-                self._append_foot(self._id(leg.ankle), patient)
-            self._append(hip, *anthropometry.segment_inertia(segments["thigh"], patient.mass, thigh))
-            self._append(knee, *anthropometry.segment_inertia(segments["shank"], patient.mass, shank))
+                self._append_foot(self._id(leg.ankle), patient, left[2])
+            self._append(
+                hip, *anthropometry.segment_inertia(segments["thigh"], left[0] * patient.mass, thigh)
+            )
+            self._append(
+                knee, *anthropometry.segment_inertia(segments["shank"], left[1] * patient.mass, shank)
+            )
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
-    def set_gravity_and_armature(self, gravity: float, armature: Mapping[JointName, float]) -> None:
+    def add_masses(self, patient: Patient, masses: Mapping[BodySegment, AddedMass]) -> None:
+        """Add masses of the device to the segments of a wearer.
+
+        Raises ModelError if the leg of a segment or its distal joint is missing.
+        """
+        for segment, added in masses.items():
+            joint, start, axis = self._segment_line(patient, segment)
+            inertia = added.mass * added.radius_of_gyration**2 * np.eye(3)
+            if joint is not None:
+                self._append(joint, added.mass, start + added.along * axis + added.forward * FORWARD, inertia)
+
+    def _segment_line(
+        self, patient: Patient, segment: BodySegment
+    ) -> tuple[int | None, np.ndarray, np.ndarray]:
+        """Return the joint that carries a segment, and the start and the direction of its line in [m].
+
+        The joint of a pelvis that is fixed is None.
+        """
+        if segment is BodySegment.PELVIS:
+            guides = GUIDES[self._pelvis]
+            trunk = anthropometry.TRUNK_LENGTH * patient.height * self._up
+            return (self._id(guides[-1]) if guides else None), np.zeros(3), trunk
+        side = next(item for item in Side if segment in segments_of(item))
+        leg, number = self.legs.get(side), segments_of(side).index(segment)
+        names = () if leg is None else (leg.hip, leg.knee, leg.ankle)
+        ends = names[number : number + 2]
+        if len(names) == 0 or None in ends:
+            raise ModelError(f"{self._path}: leg.attachment.masses.{segment}: the legs have no such segment")
+        joint = self._id(str(ends[0]))
+        if len(ends) == 1:
+            start, axis = self._foot_line(patient)
+            return joint, start, axis
+        return joint, np.zeros(3), self.model.jointPlacements[self._id(str(ends[1]))].translation.copy()
+
+    def set_gravity_and_armature(
+        self, gravity: float, armature: Mapping[JointName, float], driven_sides: Sequence[Side]
+    ) -> None:
         """Set gravity in [m/s²], downwards, and the inertia of rotors and gears.
 
-        ``armature``: inertia per joint name in [kg·m²]; 0 if absent.
+        ``armature``: inertia per joint name in [kg·m²], of the legs in ``driven_sides``; 0 if absent.
         """
         values = np.zeros(self.model.nv)
-        for leg in self.legs.values():
-            for joint, name in leg.items():
+        for side in driven_sides:
+            for joint, name in self.legs[side].items():
                 values[self.model.joints[self._id(name)].idx_v] = armature.get(joint, 0.0)
         self.model.armature, self.model.gravity.linear = values, -gravity * self._up
 
@@ -230,11 +275,17 @@ class Assembly:
             body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
         )
 
-    def _append_foot(self, ankle: int, patient: Patient) -> None:
+    def _foot_line(self, patient: Patient) -> tuple[np.ndarray, np.ndarray]:
+        """Return start and direction of the line on which a table measures the foot, in [m]."""
         forward_and_up = np.array([FORWARD, self._up])
         start, axis = (vector @ forward_and_up for vector in anthropometry.foot_line(patient))
+        return start, axis
+
+    def _append_foot(self, ankle: int, patient: Patient, left: float) -> None:
+        """Add the share ``left`` of the mass of the wearer's foot."""
+        start, axis = self._foot_line(patient)
         foot = anthropometry.wearer_segments(patient)["foot"]
-        mass, from_start, inertia = anthropometry.segment_inertia(foot, patient.mass, axis)
+        mass, from_start, inertia = anthropometry.segment_inertia(foot, left * patient.mass, axis)
         self._append(ankle, mass, start + from_start, inertia)
 
     def _append_trunk(self, patient: Patient) -> None:

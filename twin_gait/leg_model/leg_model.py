@@ -15,8 +15,9 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
-from twin_gait.leg_model.anthropometry import device_sizes
+from twin_gait.leg_model.anthropometry import device_sizes, wearer_sizes
 from twin_gait.leg_model.assembly import new_assembly
+from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters.quantities import FINITE, require
 from twin_gait.parameters.wearer import Patient
@@ -49,6 +50,9 @@ class LegModel:
         *,
         patient: Patient | None = None,
         fit_device: bool = True,
+        made_to_measure: bool = False,
+        driven_sides: Sequence[Side] = (),
+        attachment: Attachment | None = None,
         pelvis: PelvisGuide = PelvisGuide.FIXED,
         armature: Mapping[JointName, float] | None = None,
         gravity: float = 9.81,
@@ -63,6 +67,10 @@ class LegModel:
                 joint of the URDF is locked at zero.
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia, waist and foot to the wearer's size.
+            made_to_measure: Whether femur and waist are exactly those of the wearer, instead of a size of
+                TWIN.
+            driven_sides: Legs with drives, and so with ``armature``; empty for all legs.
+            attachment: Parts of the device on the segments of the wearer; None for none.
             pelvis: Guide of the pelvis.
             armature: Rotor and gear inertia at the joint per joint name in [kg·m²]; 0 if absent.
             gravity: Magnitude in [m/s²].
@@ -80,13 +88,18 @@ class LegModel:
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        self.sizes = device_sizes(patient) if patient is not None and fit_device else None
+        sizes = wearer_sizes if made_to_measure else device_sizes
+        self.sizes = sizes(patient) if patient is not None and fit_device else None
         assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis, self.sizes)
         self.legs = assembly.legs
         alone = joints.BodySelection(bodies) is joints.BodySelection.WEARER
+        attached = attachment or Attachment()
         if patient is not None and bodies != joints.BodySelection.DEVICE:
-            assembly.add_wearer(patient, wearer_only=alone)
-        assembly.set_gravity_and_armature(gravity, {} if alone else armature or {})
+            assembly.add_wearer(patient, attached.replaced, wearer_only=alone)
+        if patient is not None and not alone:
+            assembly.add_masses(patient, attached.masses)
+        rotors = {} if alone else armature or {}
+        assembly.set_gravity_and_armature(gravity, rotors, driven_sides or tuple(legs))
         self.model = assembly.model
         self.data = self.model.createData()
         self.nv, self.sides = int(self.model.nv), tuple(self.legs)

@@ -18,7 +18,7 @@ from twin_gait.leg_model.urdf_document import joint_elements, urdf_text
 
 _STDERR_LOCK = threading.Lock()
 _STDERR = 2  # file descriptor of C, independent of Python's sys.stderr
-PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf")
+PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf", "body.urdf")
 
 
 def packaged_urdf(name: str) -> Path:

@@ -267,6 +267,7 @@ def walked_document(walk: LogChunk, document: Mapping[str, Any]) -> dict[str, An
 def walked_run(walk: LogChunk, simulation_setup: SimulationSetup, experiment: Experiment) -> Run:
     """Return a live walk as a run of an experiment that is as long as the walk."""
     names, weight = log_layout(simulation_setup).names, simulation_setup.world.body_weight
-    log = LogArrays(walk.rows.T, names, simulation_setup.table.phase_names)
+    table, own_table = simulation_setup.table, simulation_setup.own_table
+    log = LogArrays(walk.rows.T, names, table.phase_names, simulation_setup.own_phase_names)
     ended = {name: getattr(walk, name) for name in ("switches", "status", "reason", "wall_s", "trip")}
-    return Run(experiment=experiment, table=simulation_setup.table, log=log, body_weight=weight, **ended)
+    return Run(experiment=experiment, table=table, own_table=own_table, log=log, body_weight=weight, **ended)

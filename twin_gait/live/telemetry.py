@@ -112,6 +112,7 @@ class WalkProcess:
             log_layout(simulation_setup),
             np.array(simulation_setup.table.phase_names),
         )
+        self._own_phases = np.array(simulation_setup.own_phase_names)
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
@@ -222,7 +223,8 @@ class WalkProcess:
         if len(rows):
             columns = dict(zip(names, rows.T, strict=True))
             for name in (name for name in names if name.endswith("_phase")):
-                columns[name] = self._phases[columns[name].astype(int)]
+                phases = self._own_phases if name.endswith("_own_phase") else self._phases
+                columns[name] = phases[columns[name].astype(int)]
             if telemetry["first"] == 0:
                 self._blocks.clear()  # a new walk
             block = Block(telemetry["first"], telemetry["tick"], columns, telemetry["tripped"])

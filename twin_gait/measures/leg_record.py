@@ -30,6 +30,14 @@ def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
     return tuple(joint for joint in JointName if f"{side}_{joint}_motor_torque_Nm" in columns)
 
 
+def moved_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
+    """Return the joints of a leg that a drive or the wearer's own gait moves, from proximal to distal."""
+    driven = driven_joints(columns, side)
+    return tuple(
+        joint for joint in JointName if joint in driven or f"{side}_{joint}_own_torque_Nm" in columns
+    )
+
+
 class LogColumns(Protocol):
     """Columns of a log by name, one value a tick: a table or a mapping to arrays."""
 
@@ -44,8 +52,11 @@ class LogColumns(Protocol):
 
 
 def phase_indices(log: LogColumns, side: Side, phase_names: tuple[str, ...]) -> np.ndarray:
-    """Return the phase of a leg at each tick as its index in ``phase_names``, shape ``(n,)``."""
-    phases = log[f"{side}_phase"]
+    """Return the phase of a leg at each tick as its index in ``phase_names``, shape ``(n,)``.
+
+    The phases are those of the device or, for a leg without a device, those of the wearer's own gait.
+    """
+    phases = log[f"{side}_phase" if f"{side}_phase" in log else f"{side}_own_phase"]
     if isinstance(phases, np.ndarray):  # an engine writes indices
         return phases.astype(int)
     return np.asarray(pd.Categorical(phases, dtype=_phase_type(phase_names)).codes, dtype=int)
@@ -62,10 +73,12 @@ class LegRecord:
     side: Side  # side of the leg
     tick: float  # sampling period in [s]
     phases: np.ndarray  # index of the phase, shape ``(n,)``
-    # Angle of each actuated joint of the wearer in [rad], shape ``(n,)`` each; of the device if requested.
+    # Angle in [rad] of each joint of the wearer that a drive or the wearer's own gait moves, shape ``(n,)``
+    # each; of the device if requested.
     angles: Mapping[JointName, np.ndarray]
     normal_force: np.ndarray | None  # normal force on the foot in [N], shape ``(n,)``, or None without ground
     clearance: np.ndarray | None  # clearance of the foot in [m], shape ``(n,)``, or None without ground
+    driven: tuple[JointName, ...] = ()  # joints with a drive, from proximal to distal
     # Start and end in [s] of each span in which the leg walks evenly; strides outside do not count.
     steady: Spans = WHOLE_RUN
     # Whether the legs wait for a step request at each tick, shape ``(n,)``, or None if they never wait.
@@ -161,7 +174,7 @@ def leg_record(
     columns = () if device else log
     angles = {
         joint: np.asarray(log[wearer_column(columns, side, joint, "angle_rad")])
-        for joint in driven_joints(log, side)
+        for joint in moved_joints(log, side)
     }
     on_ground = f"{side}_foot_normal_force_N" in log
     return LegRecord(
@@ -171,6 +184,7 @@ def leg_record(
         angles=angles,
         normal_force=np.asarray(log[f"{side}_foot_normal_force_N"]) if on_ground else None,
         clearance=np.asarray(log[f"{side}_foot_clearance_m"]) if on_ground else None,
+        driven=driven_joints(log, side),
         steady=steady,
         waiting=waiting,
     )

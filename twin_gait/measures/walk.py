@@ -41,6 +41,7 @@ MIN_DRAG_SHARE = 0.02
 # Sources of torque on a driven joint other than the device, as in the names of log columns. The column
 # external_torque_Nm is their sum.
 EXTERNAL_SOURCES = ("voluntary", "passive", "disturbance")
+OWN_GAIT = "own"  # Source of torque on a joint that the wearer's own gait moves.
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,8 @@ def counted_step_times(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> 
 # Ends of the names of the log columns that the measures of a walk read in addition to time and phases.
 WALK_COLUMNS = (
     *(f"_{joint}_angle_rad" for joint in JointName), "_wearer_angle_rad", "_velocity_rad_per_s",
-    "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm", "_disturbance_torque_Nm",
+    "_motor_torque_Nm", "_own_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm",
+    "_disturbance_torque_Nm",
     "_foot_normal_force_N", "_foot_friction_force_N", "_foot_cop_ratio", "_foot_clearance_m",
     "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s", "belt_speed_m_per_s",
 )  # fmt: skip
@@ -280,7 +282,7 @@ def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[st
 def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     """Compute the mean power of each motor, and the mean powers of wearer and pushes over all joints."""
     found = {}
-    for joint in leg.angles:
+    for joint in leg.driven:
         name = f"{leg.side}_{joint}"
         motor = np.asarray(log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"])
         found[f"{joint}_motor_power_W"] = mean_over_strides(motor, bounds)
@@ -288,18 +290,23 @@ def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, fl
 
 
 def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
-    """Compute the mean powers of voluntary effort, passive joint moments and pushes on a leg.
+    """Compute the mean powers of voluntary effort, passive joint moments, pushes and own gait on a leg.
 
-    Each power is the sum over the driven joints of torque times joint velocity. The velocity is that of the
+    Each power is the sum over the moved joints of torque times joint velocity; that of the own gait is left
+    out if the log has none. The velocity is that of the
     wearer's joint for effort and passive moments, and that of the device's joint for pushes, which act on the
     device. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W] by their
     names in a summary, positive if they drive the leg; NaN without strides.
     """
     found = {}
-    for source in EXTERNAL_SOURCES:
-        power = 0.0
-        for joint in leg.angles:
-            torque = log[f"{leg.side}_{joint}_{source}_torque_Nm"]
+    for source in (*EXTERNAL_SOURCES, OWN_GAIT):
+        power, columns_of_source = 0.0, [f"{leg.side}_{joint}_{source}_torque_Nm" for joint in leg.angles]
+        if source == OWN_GAIT and not any(column in log for column in columns_of_source):
+            continue
+        for joint, column in zip(leg.angles, columns_of_source, strict=True):
+            if column not in log:  # a joint without a drive has no pushes, one with a drive no own gait
+                continue
+            torque = log[column]
             columns = () if source == "disturbance" else log
             velocity = log[wearer_column(columns, leg.side, joint, "velocity_rad_per_s")]
             power += mean_over_strides(np.asarray(torque * velocity), bounds)
@@ -320,6 +327,7 @@ def walk_power(
     """
     belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *EXTERNAL_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
+    own = [leg[f"{OWN_GAIT}_power_W"] for leg in legs if f"{OWN_GAIT}_power_W" in leg]
     force, power = np.asarray(log["guide_force_N"]), 0.0
     holding, speed = (
         mean_over_strides(force, bounds),
@@ -328,11 +336,13 @@ def walk_power(
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the second column exists, because the harness holds the wearer
             power = mean_over_strides(force * np.asarray(log[forward]), bounds)
-    belt_driven = is_belt_driven(holding, speed, motors + sum(outside), walkway.carried_weight)
+    inside = motors + sum(outside) + sum(own)
+    belt_driven = is_belt_driven(holding, speed, inside, walkway.carried_weight)
     return {
         "belt_W": belt,
         "motors_W": motors,
         **{f"{source}_W": value for source, value in zip(EXTERNAL_SOURCES, outside, strict=True)},
+        **({f"{OWN_GAIT}_W": sum(own)} if own else {}),
         "guide_W": power,
         "guide_force_N": holding,
         "belt_driven": belt_driven,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +94,7 @@ class AnkleParameters(quantities.Parameters):
         damping: Damping in [N·m·s/rad] (an assumption: at strides of 1.75 s the default dissipates a
             third of the energy that the spring stores, and in the air the foot does not oscillate, with ζ
             about 1.7).
+        sides: Legs with an orthosis, or none if all legs have one.
         rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
             of foot and shank.
     """
@@ -102,6 +103,7 @@ class AnkleParameters(quantities.Parameters):
     relative_stiffness: Annotated[quantities.Ratio, RELATIVE] = 0.0
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 6.0
     rest: Annotated[quantities.Angle, ANKLE_REST] = math.radians(7.0)
+    sides: tuple[Side, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.machine import POSTURE
-from twin_gait.gait.table import TICK
+from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures import effort, phases, strides, switching
 from twin_gait.measures.foot_contact import find_scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
@@ -88,8 +88,37 @@ class MeasuredLeg:
             **self.phase_measures(),
             **({} if measures is None else {"load_pattern": self.load_pattern(), "walk": dict(measures)}),
             **self.error_parts(),
-            "joints": {str(joint): self.joint_measures(joint) for joint in self.record.angles},
+            "joints": {str(joint): self.joint_measures(joint) for joint in self.record.driven},
+            **self.own_gait_measures(),
         }
+
+    @property
+    def table(self) -> GaitTable:
+        """Gait table whose phases the leg has."""
+        return self.run.leg_table(self.record.side)
+
+    def own_gait_measures(self) -> dict[str, Any]:
+        """Return motion and effort of the joints that the wearer moves; empty if the wearer moves none.
+
+        The work in [J/kg of the wearer] is that of the muscles, as means over the counted strides.
+        """
+        patient, found = self.run.experiment.patient, dict[str, dict[str, float]]()
+        for joint in self.record.angles:
+            if joint in self.record.driven or patient is None:
+                continue
+            torque, velocity = self.column(joint, "own_torque_Nm"), self.wearer_joint_velocity(joint)
+            positive, negative = (
+                TICK * finite_mean(switching.span_sums(part, self.strides)) / patient.mass
+                for part in (np.maximum(torque * velocity, 0.0), np.minimum(torque * velocity, 0.0))
+            )
+            found[str(joint)] = {
+                **self.motion(joint),
+                "torque_peak_Nm": _largest(np.abs(torque)),
+                "torque_rms_Nm": effort.root_mean_square(torque),
+                "positive_work_J_per_kg": positive,
+                "negative_work_J_per_kg": negative,
+            }
+        return {"own_gait": found} if found else {}
 
     def load_pattern(self) -> str:
         """Return ``two peaks``, or the reason why loading peak, trough and push-off peak are not defined."""
@@ -104,7 +133,7 @@ class MeasuredLeg:
             "strides_by_phase": len(self.record.strides_by_phase(skip=0)),
             "phases_in_order": self.phases_in_order(),
             "timeouts": len(self.timeout_ticks()),
-            "joints": {str(joint): self.effort(joint) for joint in self.record.angles},
+            "joints": {str(joint): self.effort(joint) for joint in self.record.driven},
         }
 
     def column(self, joint: JointName, quantity: str) -> np.ndarray:
@@ -185,7 +214,7 @@ class MeasuredLeg:
             "phases_in_order": self.phases_in_order(),
             "phase_duration_mean_s": {
                 name: finite_mean(durations.get(index, np.zeros(0)))
-                for index, name in enumerate(self.run.table.phase_names)
+                for index, name in enumerate(self.table.phase_names)
             },
             "timeouts": len(timeouts),
             "timeouts_after_third_stride": sum(t >= settled[0] for t in timeouts) if len(settled) else None,
@@ -199,8 +228,8 @@ class MeasuredLeg:
 
     def phases_in_order(self) -> bool:
         """Return whether the phases followed the order of the table's first cycle in steady walking."""
-        record, names = self.record, self.run.table.phase_names
-        cycle = (*self.run.table.cycles, names)[0]
+        record, names = self.record, self.table.phase_names
+        cycle = (*self.table.cycles, names)[0]
         order = np.array([cycle.index(name) if name in cycle else -1 for name in names])
         return all(
             phases.phases_in_order(order[record.phases[span]], len(cycle)) for span in record.steady_ticks
@@ -250,7 +279,7 @@ class MeasuredLeg:
                 self.column(joint, "measured_current_A"),
                 limits,
             )
-            for joint in self.record.angles
+            for joint in self.record.driven
         }
 
     def double_support_share(self) -> float:

@@ -184,6 +184,7 @@ def read_stored_run(directory: Path) -> StoredRun:
         run = Run(
             experiment=experiment,
             table=table,
+            own_table=problem.own_table,
             log=log,
             switches=switches,
             status=RunStatus(summary["status"]),

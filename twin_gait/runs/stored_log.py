@@ -27,10 +27,12 @@ def check_log(log: pd.DataFrame, simulation_setup: SimulationSetup, path: Path) 
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise RunDirectoryError(f"{path}: {missing[0]}{more}: there is no such column; {again}")
-    phases, table = simulation_setup.table.phase_names, LogTable(str(path), log)
+    table = LogTable(str(path), log)
     found: dict[str, Any] = {}
     for name in names:
         if name.endswith("_phase"):
+            own = name.endswith("_own_phase")
+            phases = simulation_setup.own_phase_names if own else simulation_setup.table.phase_names
             codes = pd.Index(phases).get_indexer(pd.Index(log[name].astype(str).to_numpy()))
             wrong = np.flatnonzero(codes < 0)
             if len(wrong):

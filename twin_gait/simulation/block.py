@@ -12,7 +12,7 @@ WIDTH = 32
 # record: indices, selections of laws, and settings of the whole tick.
 SHARED = frozenset(
     "episode.step episode.substeps episode.watching episode.has_wearer_torques episode.has_inertial_unit "
-    "episode.ankles episode.passive rates.period rates.decimation rates.blend_law recording.on "
+    "episode.ankles episode.passive episode.soles rates.period rates.decimation rates.blend_law recording.on "
     "recording.log recording.first_row effort_line.delay joints.index joints.model_index limbs.index "
     "encoder.window friction.law imposed_motion.index program.n_transitions program.minimum_ticks "
     "nodes.operation nodes.operand comparisons.signal_a comparisons.signal_b transitions.source "

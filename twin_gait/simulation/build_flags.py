@@ -22,6 +22,7 @@ WEARER_OFFSET = 0  # Index of a coordinate of the wearer less that of the device
 FRICTION_INDICES: tuple[int, ...] = ()  # Coordinates with friction by equation (3.1).
 GEAR_INDICES: tuple[int, ...] = ()  # Coordinates with friction by any law; their gears may lose torque.
 WITH_ANKLES = False  # Legs have ankles.
+WITH_OWN_GAIT = False  # The wearer moves joints without a drive.
 WITH_RK4 = False  # The integration is a Runge-Kutta method.
 WITH_SEAT = False  # There is a seat.
 WITH_SLOPE = False  # The ground has a slope.
@@ -39,11 +40,11 @@ BuildFlags: TypeAlias = dict[str, int | tuple[int, ...]]
 def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
     """Return the build flags of a simulation setup; ``n_points``: number of contact points of all feet."""
     experiment, model, control = setup.experiment, setup.world.model, setup.experiment.control
-    legs, laws = len(setup.sides), [plant.friction.law for plant in setup.world.plant]
+    laws = [plant.friction.law for plant in setup.world.plant]
     return {
-        "N_LEGS": legs,
+        "N_LEGS": len(setup.sides),
         "N_JOINTS_PER_LEG": setup.joints_per_leg,
-        "N_POINTS_PER_FOOT": n_points // legs,
+        "N_POINTS_PER_FOOT": n_points // len(model.sides),
         "PELVIS_INDEX": -1 if model.pelvis_index is None else model.pelvis_index,
         "FORWARD_INDEX": -1 if model.forward_index is None else model.forward_index,
         "PITCH_INDEX": -1 if model.pitch_index is None else model.pitch_index,
@@ -54,6 +55,7 @@ def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
         "WITH_OTHER_FRICTION_LAWS": any(law > friction.ROTATIONAL for law in laws),
         "FRICTION_INDICES": tuple(i for i, law in enumerate(laws) if law == friction.ROTATIONAL),
         "GEAR_INDICES": tuple(i for i, law in enumerate(laws) if law != friction.FRICTIONLESS),
+        "WITH_OWN_GAIT": experiment.own_gait is not None,
         "WITH_RK4": experiment.resolved_integration.method is IntegrationMethod.RK4,
         "WITH_FAULTS": True,
         "WITH_SUPERVISOR": experiment.modes is not None,

@@ -28,6 +28,7 @@ _WORDS = {
     "WITH_OTHER_FRICTION_LAWS": "LuGre or asymmetric friction",
     "FRICTION_INDICES": "other joints with friction",
     "WITH_ANKLES": "ankles",
+    "WITH_OWN_GAIT": "own gait of the wearer",
     "N_CRUTCHES": "crutches",
     "WITH_SEAT": "chair",
     "WITH_FAULTS": "faults",

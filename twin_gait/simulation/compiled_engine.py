@@ -109,7 +109,7 @@ def _bodies_of(setup: SimulationSetup) -> KernelBodies:
         for body in export_bodies(chain.model):
             moved = first > 0 and body.parent >= 0
             bodies.append(body._replace(parent=body.parent + first) if moved else body)
-    frames = [name for side in setup.sides for name in world.contact_frames.get(side, ())]
+    frames = [name for side in setup.wearer_sides for name in world.contact_frames.get(side, ())]
     found = contact_points(world.chains[-1].model, frames)
     points = [point._replace(body=point.body + first) for point in found]
     control = export_bodies(setup.control_model.model)

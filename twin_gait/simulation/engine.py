@@ -106,7 +106,8 @@ class EpisodeEngine(ABC):
         return Run(
             experiment=problem.experiment,
             table=problem.table,
-            log=LogArrays(log[:, :done], kept, problem.table.phase_names),
+            own_table=problem.own_table,
+            log=LogArrays(log[:, :done], kept, problem.table.phase_names, problem.own_phase_names),
             switches=self.phase_switches(),
             status=status,
             reason=reason,

@@ -19,6 +19,7 @@ from twin_gait.core.contact import ContactState, Ground
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import FaultRecord
 from twin_gait.core.inertial import TrunkUnit
+from twin_gait.core.own_gait import OwnGait
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
 from twin_gait.parameters.wearer import JointCondition
 from twin_gait.worlds.arm_policy import ArmPolicy, Perception
@@ -58,6 +59,8 @@ class Limb:
     condition: JointCondition  # Condition of the wearer's joint.
     moments: list[list[float]]  # Normative moment in [N·m] by phase and hip angle.
     effort_line: DelayLine  # Delay line of the voluntary efforts in [N·m].
+    # Leg of the device whose phase determines the effort; the first one for a leg without device.
+    leg: int = 0
 
 
 @dataclass(slots=True)
@@ -170,6 +173,7 @@ class WorkBySource:
     contact: float = 0.0
     external: float = 0.0
     brace: float = 0.0
+    own_gait: float = 0.0
 
 
 @dataclass(slots=True)
@@ -205,9 +209,11 @@ class Episode:
     limits: Limits
     controller: ControllerState
     joints: list[Joint]
-    feet: list[FootState]
+    feet: list[FootState]  # Feet of the wearer.
+    soles: list[int]  # Number of the foot of each leg of the device.
     network: Network
     limbs: list[Limb]  # Hip and knee of the wearer, leg by leg.
+    own_gait: OwnGait  # The wearer's own gait, if the wearer moves joints without a drive.
     ankles: list[int]  # Index of the ankle of each leg in the coordinates; empty without ankles.
     passive: list[int]  # Indices of the joints that are not controlled, in the order of the log.
     plant: list[Plant]

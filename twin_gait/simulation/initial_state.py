@@ -15,6 +15,7 @@ from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.faults import FaultRecord
 from twin_gait.core.guards import CompiledComparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
+from twin_gait.core.own_gait import OwnGait, OwnJoint, OwnLeg
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.safety import Bounds
 from twin_gait.gait.modes import Mode, ModeTable
@@ -29,9 +30,11 @@ from twin_gait.simulation import episode
 from twin_gait.simulation.record import ABSENT, Record, find_float, is_record
 from twin_gait.simulation.simulation_setup import (
     NEVER,
+    OwnGaitRows,
     SimulationSetup,
     fault_records,
     phase_timeout_ticks,
+    start_phase,
     to_ticks,
 )
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
@@ -50,6 +53,8 @@ CHAIR_CODES = {
     REACH_BACK: REACHING_BACK,
     LOWER: SITTING_DOWN,
 }
+# Delays of the wearer's perception below this number of ticks share one compiled loop.
+_PERCEPTION_CAPACITY = 64
 _DELAY_PADDING = 32  # Ring buffers of the bus are padded to a multiple of this length, for the same reason.
 
 
@@ -95,9 +100,11 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         limits=build_limits(setup, setup.experiment.network),
         controller=_controller(setup, body_values(bodies.control_bodies)),
         joints=[_joint(setup, number) for number in range(len(setup.joints))],
-        feet=[episode.FootState() for _ in setup.sides],
+        feet=[episode.FootState() for _ in setup.wearer_sides],
+        soles=[setup.wearer_sides.index(side) for side in setup.sides],
         network=ABSENT if experiment.network is None else _network(setup, experiment.network),
         limbs=setup.limbs,
+        own_gait=ABSENT if setup.own_gait is None else _own_gait(setup, setup.own_gait),
         ankles=ankles,
         passive=passive,
         ground=world.ground(),
@@ -183,8 +190,7 @@ def _controlled_joint(setup: SimulationSetup, number: int, phase: int) -> ccu.Co
 
 def _leg(setup: SimulationSetup, number: int) -> ccu.ControlledLeg:
     side = setup.sides[number]
-    name = setup.world.initial_phases[side]
-    phase = 0 if name is None else setup.table.phase_index(name)
+    phase = start_phase(setup.table, setup.world.initial_phases[side])
     shares = setup.phase_rows[number, :, -1].tolist()
     return ccu.ControlledLeg(
         phase=phase,
@@ -194,6 +200,48 @@ def _leg(setup: SimulationSetup, number: int) -> ccu.ControlledLeg:
         gravity=shares[phase],
         blend_ticks=[setup.table.blend_ticks(phase) for phase in setup.table.phases_of(side).values()],
         frozen_speed=setup.experiment.control.safety.frozen_speed,
+    )
+
+
+def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
+    """Return the wearer's own gait, with the true angles and no load as what the wearer perceived before."""
+    own, start_q = setup.experiment.own_gait, setup.world.start_q
+    assert own is not None
+    phases = [start_phase(rows.table, setup.world.initial_phases[side]) for side in setup.wearer_sides]
+    per_leg = len(own.joints)
+    joints = []
+    for number, (_, _, coordinate) in enumerate(rows.joints):
+        leg, position = divmod(number, per_leg)
+        columns = slice(COLUMNS_PER_JOINT * position, COLUMNS_PER_JOINT * (position + 1))
+        setpoints = [ImpedanceSetpoint(*row) for row in rows.phase_rows[leg][:, columns].tolist()]
+        angle = float(start_q[coordinate + setup.world.wearer_offset])
+        joints.append(
+            OwnJoint(
+                index=coordinate,
+                highest_torque=rows.highest_torques[number],
+                setpoints=setpoints,
+                blend_start=setpoints[phases[leg]],
+                blended=setpoints[phases[leg]],
+                angle_line=new_delay_line(own.delay_ticks, angle, _PERCEPTION_CAPACITY),
+                velocity_line=new_delay_line(own.delay_ticks, 0.0, _PERCEPTION_CAPACITY),
+            )
+        )
+    legs = [
+        OwnLeg(
+            phase=phase,
+            debounce=[0] * _capacity(rows.program.n_transitions),
+            blend_ticks=[rows.table.blend_ticks(item) for item in rows.table.phases_of(side).values()],
+            load_line=new_delay_line(own.delay_ticks, 0.0, _PERCEPTION_CAPACITY),
+        )
+        for phase, side in zip(phases, setup.wearer_sides, strict=True)
+    ]
+    return OwnGait(
+        joints=joints,
+        legs=legs,
+        program=_padded(rows.program),
+        signals=rows.table.to_si({}),
+        blend_law=rows.table.blending.law.code,
+        first_noise=setup.noise.shape[1] - len(rows.joints),
     )
 
 

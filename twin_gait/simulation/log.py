@@ -3,7 +3,7 @@
 The function that writes a row in every tick is generated from these expressions (:attr:`LogLayout.writer`).
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import chain, count
@@ -73,14 +73,33 @@ JOINT = ColumnGroup(
     equilibrium_rad=("setpoint.equilibrium", "θ0 of the impedance, blended"),
     friction_compensation_gain=("setpoint.gain", "G of the friction compensation, blended"),
 )
-# Columns of a joint that is not controlled, and the additional column of a controlled ankle.
+# Columns of an ankle that is not controlled, of another such joint, and the additional column of a controlled
+# ankle.
 PASSIVE = ColumnGroup(
     "index = e.passive[n]",
     angle_rad=JOINT.columns["angle_rad"],
     velocity_rad_per_s=JOINT.columns["velocity_rad_per_s"],
     orthosis_torque_Nm=("e.plant[index].spring_torque", "torque of the orthosis on the ankle"),
 )
+UNDRIVEN = ColumnGroup(
+    "index = e.passive[n]",
+    angle_rad=JOINT.columns["angle_rad"],
+    velocity_rad_per_s=JOINT.columns["velocity_rad_per_s"],
+    stop_torque_Nm=JOINT.columns["stop_torque_Nm"],
+    passive_torque_Nm=JOINT.columns["passive_torque_Nm"],
+)
 ANKLE = ColumnGroup("index = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
+
+# Columns of a leg and of a joint in the wearer's own gait, and the work of its muscles.
+OWN_PHASE = ColumnGroup(own_phase=("e.own_gait.legs[n].phase", ""))
+OWN_JOINT = ColumnGroup(
+    "own = e.own_gait.joints[n]",
+    own_torque_Nm=("own.torque", "torque of the wearer's muscles in the wearer's own gait"),
+    own_stiffness_Nm_per_rad=("own.blended.stiffness", "stiffness of the muscles, blended"),
+    own_damping_Nms_per_rad=("own.blended.damping", "damping of the muscles, blended"),
+    own_equilibrium_rad=("own.blended.equilibrium", "equilibrium angle of the muscles, blended"),
+)
+OWN_WORK = ColumnGroup(own_gait_work_J=("e.work.own_gait", "work of the muscles in the wearer's own gait"))
 
 # Columns of a foot.
 FOOT = ColumnGroup(
@@ -196,13 +215,19 @@ SUPERVISOR = ColumnGroup(
 class LogArrays:
     """Columns of a log by name, with phases as indices in the gait table; the length is that of the run."""
 
-    def __init__(self, rows: np.ndarray, names: Sequence[str], phases: Sequence[str]) -> None:
+    def __init__(
+        self,
+        rows: np.ndarray,
+        names: Sequence[str],
+        phases: Sequence[str],
+        own_phases: Sequence[str] = (),
+    ) -> None:
         """Store references to the columns.
 
         ``rows``: shape ``(n_columns, n_ticks)``. ``names``: names of the columns. ``phases``: names of the
-        phases of the gait table.
+        phases of the gait table. ``own_phases``: those of the wearer's own gait.
         """
-        self._rows, self._names, self._phases = rows, names, phases
+        self._rows, self._names, self._phases, self._own_phases = rows, names, phases, own_phases
         self._places = dict(zip(names, range(len(names)), strict=True))
 
     def __len__(self) -> int:
@@ -226,7 +251,8 @@ class LogArrays:
         log.insert(0, "time_s", self["time_s"])
         phases = pd.CategoricalDtype(pd.Index(self._phases))
         for name in (name for name in self._names if name.endswith("_phase")):
-            log[name] = pd.Categorical.from_codes(self[name].astype(np.int64), dtype=phases)
+            kind = pd.CategoricalDtype(pd.Index(self._own_phases)) if name.endswith("_own_phase") else phases
+            log[name] = pd.Categorical.from_codes(self[name].astype(np.int64), dtype=kind)
         return log
 
 
@@ -234,8 +260,8 @@ WORK_SOURCES = tuple(name.removesuffix("_work_J") for name in WORK.columns)
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
-    """Return the sources of work in a log, including the braces if the log has a column for them."""
-    return (*WORK_SOURCES, "brace") if "brace_work_J" in columns else WORK_SOURCES
+    """Return the sources of work in a log, with braces and own gait if the log has a column for them."""
+    return (*WORK_SOURCES, *(source for source in ("brace", "own_gait") if f"{source}_work_J" in columns))
 
 
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
@@ -298,37 +324,47 @@ class LogLayout:
 
 def log_layout(setup: SimulationSetup) -> LogLayout:
     """Return the layout of the log of a simulation setup."""
-    world, model = setup.world, setup.world.model
+    world, model, own = setup.world, setup.world.model, setup.own_gait
     joints = [f"{item.side}_{item.joint}_" for item in setup.joints]
-    passive = [f"{side}_{joint}_" for side, joint in setup.passive]
+    passive = {f"{side}_{joint}_": joint for side, joint in setup.passive}
+    driven_ankles = [f"{side}_{JointName.ANKLE}_" for side in model.legs]
     feet = [f"{side}_foot_" for side in model.legs if world.contact_frames.get(side)]
     guides = model.pelvis_index, model.forward_index, model.pitch_index
     pelvis, forward, pitch = (guide is not None for guide in guides)
     braced, single = world.braces is not None, [""]  # one object, whose columns have no prefix
-    kinds = (
-        ([f"{side}_" for side in model.legs], PHASE),
+    moved = [] if own is None else own.moved
+    # Objects of each kind, by their prefix or, where some of a kind have other columns, by number and prefix.
+    kinds: tuple[tuple[Iterable[str | tuple[int, str]], ColumnGroup], ...] = (
+        ([f"{side}_" for side in setup.sides], PHASE),
         (joints, JOINT),
-        (passive, PASSIVE),
-        ([name for name in joints if name.endswith(f"{JointName.ANKLE}_")], ANKLE),
+        ([item for item in enumerate(passive) if passive[item[1]] is JointName.ANKLE], PASSIVE),
+        ([item for item in enumerate(passive) if passive[item[1]] is not JointName.ANKLE], UNDRIVEN),
+        ([item for item in enumerate(driven_ankles) if item[1] in joints], ANKLE),
+        ([f"{side}_" for side in model.legs if own is not None], OWN_PHASE),
+        ([(number, f"{side}_{joint}_") for number, side, joint in moved], OWN_JOINT),
         (feet, FOOT),
         (single * bool(feet), GROUND),
         (single * pelvis, PELVIS),
         (single * forward, FORWARD),
         (single * pitch, TRUNK),
-        ([f"{side}_" for side in setup.sides[: len(world.arms)]], CRUTCH),
+        ([f"{side}_" for side in model.sides[: len(world.arms)]], CRUTCH),
         (single * (world.seat is not None), SEAT),
         (single, ENERGY),
         (single, WORK),
         (single * braced, BRACE_WORK),
+        (single * (own is not None), OWN_WORK),
         (single, MONITOR),
-        ((joints + passive) * braced, BRACE),
+        ([*joints, *passive] * braced, BRACE),
         (single * (braced and pelvis), PELVIS_BRACE),
         (single * (braced and forward), FORWARD_BRACE),
         (single * (setup.experiment.modes is not None), SUPERVISOR),
     )
-    return _layout_of(
-        tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
-    )
+    groups = []
+    for objects, kind in kinds:
+        for place, item in enumerate(objects):
+            number, prefix = (place, item) if isinstance(item, str) else item
+            groups.append((prefix, number, kind))
+    return _layout_of(tuple(groups))
 
 
 _layout_of = lru_cache(maxsize=32)(LogLayout)  # episodes of a batch have one layout

@@ -44,10 +44,10 @@ class ReferenceEngine(EpisodeEngine):
         super().__init__(setup)
         _, self.episode, structure = assemble(setup)
         self.state = self.episode
-        starts = setup.world.initial_phases
+        phases = setup.table.phase_names
         self.machines = [
-            GaitStateMachine(setup.table, side, initial_phase=starts[side], program=setup.program)
-            for side in setup.sides
+            GaitStateMachine(setup.table, side, initial_phase=phases[leg.phase], program=setup.program)
+            for side, leg in zip(setup.sides, self.episode.controller.legs, strict=True)
         ]
         self.switches = np.zeros(self.episode.recording.most_switches, SWITCHES).view(np.recarray)
         self._noise = setup.noise.tolist()

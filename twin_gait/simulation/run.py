@@ -107,6 +107,7 @@ class Run:
     reason: str  # Reason for the status, if the run did not complete.
     wall_s: float  # Wall-clock time of the integration in [s].
     body_weight: float  # Weight of wearer and device in [N].
+    own_table: GaitTable | None = None  # Gait table of the wearer's own gait after scaling, or None.
     trip: Trip | None = None  # Trip of the safety monitor, or None.
     # Traffic of the bus for the summary; None without a bus, in live walks and for runs read from a file.
     traffic: Mapping[str, Any] | None = None
@@ -152,8 +153,14 @@ class Run:
 
     @property
     def sides(self) -> tuple[Side, ...]:
-        """Sides of the legs in the log."""
+        """Sides of the legs of the wearer, with or without a device."""
         return tuple(self.experiment.leg.legs)
+
+    def leg_table(self, side: Side) -> GaitTable:
+        """Return the gait table whose phases a leg has: that of the device, or of the wearer's own gait."""
+        if side in self.experiment.sides or self.own_table is None:
+            return self.table
+        return self.own_table
 
     def leg_record(self, side: Side, *, device: bool = False) -> LegRecord:
         """Return the data of a leg for gait measures.
@@ -171,7 +178,7 @@ class Run:
         return {side: self._read_leg(side) for side in self.sides}
 
     def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
-        names = self.table.phase_names
+        names = self.leg_table(side).phase_names
         steady, waiting = self.steady_spans, self.waiting_mask
         return leg_record(self.columns, side, names, TICK, steady=steady, waiting=waiting, device=device)
 
@@ -209,15 +216,15 @@ class Run:
 
         ``skip``: strides at the start that do not count. The result is empty without a walkway.
         """
-        walkway, names = self.walkway, self.table.phase_names
+        walkway = self.walkway
         if walkway is None:
             return {}
-        swing = names.index(GaitPhase.SWING_FLEXION) if GaitPhase.SWING_FLEXION in names else None
-        legs = zip(self.sides, self.leg_records(), reversed(self.leg_records()), strict=True)
-        return {
-            side: walk_measures(self.columns, leg, other, walkway, swing_phase=swing, skip=skip)
-            for side, leg, other in legs
-        }
+        legs, found = self.leg_records(), dict[Side, dict[str, float]]()
+        for leg, other in zip(legs, reversed(legs), strict=True):
+            names = self.leg_table(leg.side).phase_names
+            swing = names.index(GaitPhase.SWING_FLEXION) if GaitPhase.SWING_FLEXION in names else None
+            found[leg.side] = walk_measures(self.columns, leg, other, walkway, swing_phase=swing, skip=skip)
+        return found
 
     def walk_power(
         self, *, skip: int = SKIPPED_STRIDES, legs: Mapping[Side, Mapping[str, float]] | None = None
@@ -244,7 +251,10 @@ class Run:
             return Verdict(Outcome.FELL, ", ".join(filter(None, (self.reason, held))))
         if held:
             return Verdict(Outcome.HELD, held)
-        swings = self.table.transitions and any(self.table.is_swing(phase) for phase in self.table.phases)
+        tables = [self.leg_table(side) for side in self.sides]
+        swings = any(
+            table.transitions and any(table.is_swing(phase) for phase in table.phases) for table in tables
+        )
         if not swings or not self.steady_spans:
             return Verdict(None, "no walk to judge: the gait table has no swing, or no mode requested a step")
         return judge_gait(self.leg_records())

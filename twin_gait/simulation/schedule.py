@@ -14,16 +14,27 @@ from twin_gait.core.schedule import (
     joints,
     legs,
     limbs,
+    own_joints,
     replace_steps,
     scalar_branch,
     scalar_steps,
+    wearer_legs,
     when,
 )
 from twin_gait.simulation import build_flags
 from twin_gait.simulation.build_flags import N_CRUTCHES, PELVIS_INDEX, PITCH_INDEX, WEARER_OFFSET
 from twin_gait.simulation.episode import COMPLETED, CRUTCH_LOST, DIVERGED, FELL, TIPPED, Episode
 from twin_gait.simulation.executors import ScheduleNames, lane_driver, scalar_driver
-from twin_gait.simulation.stages import commands, drives, environment, motion, network, phases, sensors
+from twin_gait.simulation.stages import (
+    commands,
+    drives,
+    environment,
+    motion,
+    network,
+    own_gait,
+    phases,
+    sensors,
+)
 
 SENSE = (
     environment.update_commands,  # belt, command to walk, request of a mode
@@ -39,7 +50,7 @@ RECEIVE = (
     when(
         "WITH_NETWORK and tick > 0",
         scalar_steps(network.reboot, joints(network.receive_measurement)),
-        otherwise=(joints(write_measurement), when("N_POINTS_PER_FOOT > 0", feet(network.receive_foot_load))),
+        otherwise=(joints(write_measurement), when("N_POINTS_PER_FOOT > 0", legs(network.receive_foot_load))),
     ),
     network.receive_bus_voltage,
 )
@@ -70,6 +81,13 @@ CONTROL = (
     ),
 )
 
+OWN_GAIT = (
+    own_joints(own_gait.perceive_joint),
+    wearer_legs(own_gait.perceive_leg),
+    wearer_legs(own_gait.change_phase),
+    own_joints(own_gait.blend_impedance),
+)
+
 ACT = (
     drives.begin_power,
     joints(drives.drive),
@@ -80,7 +98,8 @@ ACT = (
     ),
     when("has_wearer_torques", limbs(environment.reset_external_torque)),
     joints(environment.push),
-    when("has_wearer_torques", legs(environment.add_wearer_torques)),
+    when("has_wearer_torques", wearer_legs(environment.add_wearer_torques)),
+    when("WITH_OWN_GAIT", scalar_steps(OWN_GAIT)),
     when("N_CRUTCHES > 0", scalar_steps(environment.update_arms)),
     when("WITH_SEAT", environment.place_chair),
     environment.lock_harness,
@@ -141,6 +160,8 @@ NAMES = ScheduleNames(
         "legs": "len({e}.controller.legs)",
         "feet": "len({e}.feet)",
         "limbs": "len({e}.limbs)",
+        "wearer_legs": "len({e}.feet)",
+        "own_joints": "len({e}.own_gait.joints)",
     },
     fields={
         "tick": "tick",

@@ -20,7 +20,7 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST
 from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.parameters.quantities import require
-from twin_gait.parameters.wearer import Patient
+from twin_gait.parameters.wearer import JointCondition, Patient
 from twin_gait.simulation.episode import Limb
 from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
@@ -39,6 +39,23 @@ class ActuatedJoint(NamedTuple):
 
 
 @dataclass(frozen=True)
+class OwnGaitRows:
+    """The wearer's own gait as arrays."""
+
+    table: GaitTable  # Gait table of the wearer after scaling.
+    program: GuardProgram  # Its compiled guards.
+    joints: tuple[tuple[Side, JointName, int], ...]  # Joints with their coordinates, leg by leg.
+    highest_torques: tuple[float, ...]  # Largest torque of each joint in [N·m]; 0 for a joint with a drive.
+    phase_rows: np.ndarray  # As ``phase_rows`` of :class:`SimulationSetup`, for the legs of the wearer.
+
+    @property
+    def moved(self) -> tuple[tuple[int, Side, JointName], ...]:
+        """Joints that the wearer moves, each with its number among all joints."""
+        numbered = enumerate(zip(self.joints, self.highest_torques, strict=True))
+        return tuple((number, side, joint) for number, ((side, joint, _), most) in numbered if most > 0.0)
+
+
+@dataclass(frozen=True)
 class SimulationSetup:
     """Simulation setup: an experiment and all that an engine computes from it before the first tick."""
 
@@ -53,6 +70,7 @@ class SimulationSetup:
     offset: np.ndarray  # Calibration error of each encoder in [rad], shape ``(n_joints,)``.
     fast_gain: float  # Gain of the fast velocity filter.
     limbs: list[Limb]  # Hips and knees of the wearer.
+    own_gait: OwnGaitRows | None  # The wearer's own gait, or None.
     controller: Controller  # Controller that computes the setpoints.
     plan: Plan  # Data that the controller receives before the start.
 
@@ -61,8 +79,8 @@ class SimulationSetup:
         """Noise of every tick, shape ``(n_ticks or 1, n)``, drawn when it is first read.
 
         The columns are noise plus offset of each encoder in [rad], the relative noise of each of the wearer's
-        efforts and, if the trunk is free, the noise of its inertial unit. The noise of an hour takes 0.3 GB
-        and some seconds.
+        efforts, if the trunk is free the noise of its inertial unit, and noise in [rad] of each joint of the
+        wearer's own gait. The noise of an hour takes 0.3 GB and some seconds.
         """
         experiment, sensors, patient = self.experiment, self.experiment.sensors, self.experiment.patient
 
@@ -81,6 +99,9 @@ class SimulationSetup:
             scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
             readings = drawn(scale, len(scale), 2)
         parts = [encoders, efforts, readings]
+        if experiment.own_gait is not None and self.own_gait is not None:
+            perceived, noise = np.zeros((1, len(self.own_gait.joints))), experiment.own_gait.angle_noise
+            parts.append(drawn(noise, perceived.shape[1], 3) if noise > 0.0 else perceived)
         rows = max(len(part) for part in parts)
         return np.hstack([np.broadcast_to(part, (rows, part.shape[1])) for part in parts])
 
@@ -91,8 +112,23 @@ class SimulationSetup:
 
     @property
     def sides(self) -> tuple[Side, ...]:
-        """Legs in the order of the arrays."""
+        """Legs of the device in the order of the arrays."""
+        return self.experiment.sides
+
+    @property
+    def wearer_sides(self) -> tuple[Side, ...]:
+        """Legs of the wearer in the order of the arrays, with or without a device."""
         return self.world.model.sides
+
+    @property
+    def own_table(self) -> GaitTable | None:
+        """Gait table of the wearer's own gait after scaling, or None."""
+        return None if self.own_gait is None else self.own_gait.table
+
+    @property
+    def own_phase_names(self) -> tuple[str, ...]:
+        """Names of the phases of the wearer's own gait; empty without one."""
+        return () if self.own_table is None else self.own_table.phase_names
 
     @property
     def joints_per_leg(self) -> int:
@@ -108,9 +144,9 @@ class SimulationSetup:
     @property
     def passive(self) -> tuple[tuple[Side, JointName], ...]:
         """Joints that are not controlled, leg by leg."""
-        legs, controlled = self.world.model.legs, self.experiment.joints
-        every = ((side, joint) for side, leg in legs.items() for joint, _ in leg.items())
-        return tuple((side, joint) for side, joint in every if joint not in controlled)
+        controlled = {(item.side, item.joint) for item in self.joints}
+        every = ((side, joint) for side, leg in self.world.model.legs.items() for joint, _ in leg.items())
+        return tuple(key for key in every if key not in controlled)
 
     def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
         """Return the parameters of motor and gear of a joint."""
@@ -134,21 +170,16 @@ def build_setup(experiment: Experiment, user_controller: Controller | None = Non
     control_model = experiment.build_control_model()
     controller = experiment.control.controller(user_controller)
     inertia = _inertia_of(control_model)
-    plan = controller_plan(experiment, control_model.sides, inertia)
+    plan = controller_plan(experiment, experiment.sides, inertia)
     begin = controller.initial_angles(plan)  # angles that the controller sets, whatever the scenario has
     placed = (
         replace(experiment, scenario=experiment.scenario.replace_postures(begin)) if begin else experiment
     )
     world = placed.build_world()
     table = scaled_table(experiment, world)
-    for side, phase in world.initial_phases.items():
-        keys = [
-            f"scenario.{name}" for name, start in experiment.scenario.start_phases.items() if start == phase
-        ]
-        known = f"a phase of gait table {table.name!r}, {', '.join(table.phases)}"
-        name = " and ".join(keys) or f"scenario: phase of the {side} leg"
-        require(phase in (None, *table.phases), name, known, phase)
-    sides = world.model.sides
+    own_table = None if experiment.own_gait is None else scaled_table(experiment, world, own=True)
+    require_start_phases(experiment, world, table, own_table)
+    sides = experiment.sides
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
         for side in sides
@@ -168,6 +199,7 @@ def build_setup(experiment: Experiment, user_controller: Controller | None = Non
         offset=offset,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         limbs=limbs,
+        own_gait=None if own_table is None else _own_gait(experiment, world, own_table, inertia),
         controller=controller,
         plan=plan,
     )
@@ -188,14 +220,62 @@ def controller_plan(experiment: Experiment, sides: tuple[Side, ...], inertia: In
     )
 
 
-def scaled_table(experiment: Experiment, world: World) -> GaitTable:
-    """Return the gait table scaled to carried mass, belt speed and the height in ``assumed_patient``."""
-    walking = experiment.scenario.walking
+def require_start_phases(
+    experiment: Experiment, world: World, table: GaitTable, own_table: GaitTable | None
+) -> None:
+    """Raise ParameterError for a phase at the start that neither the device nor the wearer has.
+
+    A leg without the phase starts in its first phase, because tables of device and wearer may name their
+    phases differently.
+    """
+    tables = [table] if own_table is None else [table, own_table]
+    for side, phase in world.initial_phases.items():
+        keys = [
+            f"scenario.{name}" for name, start in experiment.scenario.start_phases.items() if start == phase
+        ]
+        known = " or ".join(f"a phase of gait table {one.name!r}, {', '.join(one.phases)}" for one in tables)
+        name = " and ".join(keys) or f"scenario: phase of the {side} leg"
+        require(any(phase in (None, *one.phases) for one in tables), name, known, phase)
+
+
+def start_phase(table: GaitTable, phase: str | None) -> int:
+    """Return the index of the phase in which a leg starts; see :func:`require_start_phases`."""
+    return table.phase_index(phase) if phase in table.phases and phase is not None else 0
+
+
+def scaled_table(experiment: Experiment, world: World, *, own: bool = False) -> GaitTable:
+    """Return a gait table scaled to carried mass, belt speed and height.
+
+    The table is that of the device, scaled to the height in ``assumed_patient``; with ``own`` it is the table
+    of the wearer's own gait, scaled to the true height.
+    """
+    walking, table, wearer = experiment.scenario.walking, experiment.table, experiment.assumed_patient
+    if own and experiment.own_gait is not None:
+        table, wearer = experiment.own_gait.table, experiment.patient
     if walking is None:
-        return experiment.table
+        return table
     carried = world.model.total_mass * walking.carried_share
-    height = None if experiment.assumed_patient is None else experiment.assumed_patient.height
-    return scale_table(experiment.table, carried_mass=carried, speed=walking.speed, height=height)
+    height = None if wearer is None else wearer.height
+    return scale_table(table, carried_mass=carried, speed=walking.speed, height=height)
+
+
+def _own_gait(experiment: Experiment, world: World, table: GaitTable, inertia: InertiaAt) -> OwnGaitRows:
+    """Return table, guards, joints and impedances of the wearer's own gait."""
+    patient, own = experiment.patient, experiment.own_gait
+    assert patient is not None and own is not None
+    driven = {(side, joint) for side in experiment.sides for joint in experiment.joints}
+    keys = [(side, joint) for side in world.model.sides for joint in own.joints]
+    strengths = [patient.conditions.get(key, JointCondition()).strength for key in keys]
+    return OwnGaitRows(
+        table=table,
+        program=compile_guards(table),
+        joints=tuple((*key, world.model.index(*key)) for key in keys),
+        highest_torques=tuple(
+            0.0 if key in driven else strength * own.peak_torque[key[1]]
+            for key, strength in zip(keys, strengths, strict=True)
+        ),
+        phase_rows=np.array([resolve_phases(table, side, inertia) for side in world.model.sides]),
+    )
 
 
 def _inertia_of(model: LegModel) -> InertiaAt:
@@ -211,7 +291,7 @@ def _inertia_of(model: LegModel) -> InertiaAt:
 def fault_records(setup: SimulationSetup) -> list[FaultRecord]:
     """Return the faults of an experiment as records for :mod:`twin_gait.core.faults`."""
     numbers: dict[tuple[Side | None, JointName | None], int]
-    numbers = {(side, None): number for number, side in enumerate(setup.sides)}  # numbers of feet
+    numbers = {(side, None): number for number, side in enumerate(setup.wearer_sides)}  # numbers of feet
     numbers |= {(joint.side, joint.joint): number for number, joint in enumerate(setup.joints)}
     return [
         FaultRecord(

@@ -42,6 +42,7 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
             item,
             _moments(patient, experiment.scenario.walking, table, spans, key[1]).tolist(),
             new_delay_line(round(patient.effort_delay / TICK), capacity_step=_EFFORT_CAPACITY),
+            experiment.sides.index(key[0]) if key[0] in experiment.sides else 0,
         )
         for key, item in zip(keys, conditions, strict=True)
     ]

@@ -18,6 +18,7 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
+from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.environment import ContactParameters
@@ -42,18 +43,27 @@ class LegSource(Parameters):
         urdf: Path of a URDF, or the name of a packaged one.
         legs: Joint names per side.
         fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
+        made_to_measure: Whether they fit exactly; otherwise femur and waist have the sizes of TWIN.
+        driven_sides: Legs of the device, or none if it has all legs of the URDF.
+        attachment: Parts of the device on the segments of the wearer, in addition to the links of the URDF.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
     """
 
     urdf: str = "twin.urdf"
     legs: Annotated[Mapping[Side, LegJoints], Inline()] = field(default_factory=dict)
     fit_device: bool = True
+    made_to_measure: bool = False
+    driven_sides: tuple[Side, ...] = ()
+    attachment: Attachment = field(default_factory=Attachment)
     up_axis: Literal["y", "z"] = "z"
 
     def __post_init__(self) -> None:
         """Check that there is at least one leg."""
         super().__post_init__()
         require(bool(self.legs), "legs", "the joint names of left, right or both legs", "none")
+        ordered = tuple(side for side in self.legs if side in self.driven_sides)
+        known = f"one or more of {', '.join(self.legs)}, in this order"
+        require(self.driven_sides == ordered, "driven_sides", known, ", ".join(self.driven_sides))
 
 
 @dataclass(frozen=True, kw_only=True)

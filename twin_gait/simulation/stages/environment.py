@@ -97,7 +97,8 @@ def add_wearer_torques(e: Episode, number: int, tick: int) -> None:
 
 def _add_wearer_torque(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
     """Add the wearer's passive torque and the delayed voluntary effort on a hip or knee, in [N·m]."""
-    limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
+    limb = e.limbs[number]
+    phase = e.controller.legs[limb.leg].phase
     condition, index = limb.condition, limb.index + WEARER_OFFSET
     moments = limb.moments[phase]
     below, share = find_grid_interval(hip, MIN_HIP_ANGLE, HIP_ANGLE_STEP, len(moments))

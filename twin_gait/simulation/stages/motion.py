@@ -6,6 +6,7 @@ from twin_gait.core.friction import (
     advance_deflection,
     rotational_friction_and_share,
 )
+from twin_gait.core.own_gait import muscle_torque
 from twin_gait.core.plant import (
     brace_torque,
     imposed_motion_torque,
@@ -29,6 +30,7 @@ from twin_gait.simulation.build_flags import (
     N_CRUTCHES,
     N_POINTS_PER_FOOT,
     WEARER_OFFSET,
+    WITH_OWN_GAIT,
     WITH_RK4,
     WITH_SEAT,
 )
@@ -93,6 +95,12 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
             motion = one.imposed_motion
             motion.torque = imposed_motion_torque(motion, time, q[motion.index], v[motion.index])
             one.torque[motion.index] += motion.torque
+    if WITH_OWN_GAIT:
+        for number in range(len(e.own_gait.joints)):
+            i = e.own_gait.joints[number].index + WEARER_OFFSET
+            for one in vector_lanes(e):
+                q, v = _state(one, staged)
+                one.torque[i] += muscle_torque(one.own_gait.joints[number], q[i], v[i])
     if WEARER_OFFSET > 0:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):
@@ -312,6 +320,12 @@ def _add_work(e: Episode, duration: float) -> None:
             works.stop += duration * plant.stop_torque * v
             works.spring += duration * plant.spring_torque * v
             works.external += duration * one.external[i] * v
+    if WITH_OWN_GAIT:
+        for number in range(len(e.own_gait.joints)):
+            i = e.own_gait.joints[number].index + WEARER_OFFSET
+            for one in vector_lanes(e):
+                works, v = one.work, one.integrator.v[i]
+                works.own_gait += duration * one.own_gait.joints[number].torque * v
     if WEARER_OFFSET > 0:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):

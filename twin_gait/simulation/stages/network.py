@@ -29,8 +29,8 @@ _CCU = 0  # Number of the node of the central unit.
 
 
 def receive_foot_load(e: Episode, number: int) -> None:
-    """Pass the load of a foot to the gait controller."""
-    receive_load(e.controller, number, e.feet[number].load)
+    """Pass the load of the foot of a leg to the gait controller."""
+    receive_load(e.controller, number, e.feet[e.soles[number]].load)
 
 
 def receive_bus_voltage(e: Episode) -> None:
@@ -144,7 +144,7 @@ def _send_measurement(e: Episode, number: int, tick: int) -> None:
         numbers[CURRENT], numbers[CAUSE] = joint.current, joint.board.cause
         numbers[FOOT_LOAD] = 0.0
         if N_POINTS_PER_FOOT > 0 and (number + 1) % N_JOINTS_PER_LEG == 0:
-            numbers[FOOT_LOAD] = e.feet[number // N_JOINTS_PER_LEG].load
+            numbers[FOOT_LOAD] = e.feet[e.soles[number // N_JOINTS_PER_LEG]].load
         numbers[COUNTER] = _count(frame)
         pack_frame(wire.layout, numbers, frame.outgoing.halves)
 
