@@ -25,10 +25,19 @@ class MujocoLegs:
 
     def __init__(self, experiment: Experiment, model: LegModel, patient: Patient | None) -> None:
         """Build the model from the URDF and the tables of the literature."""
-        spec = legs_spec(model, patient, fit_device=experiment.leg.fit_device)
+        leg = experiment.leg
+        spec = legs_spec(
+            model,
+            patient,
+            fit_device=leg.fit_device,
+            made_to_measure=leg.made_to_measure,
+            attachment=leg.attachment,
+        )
         armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
         gravity, step = experiment.plant.gravity, experiment.resolved_integration.step
-        self.model = compiled_legs(spec, model, armature, gravity=gravity, step=step)
+        self.model = compiled_legs(
+            spec, model, armature, gravity=gravity, step=step, driven_sides=experiment.sides
+        )
         self.data = mujoco.MjData(self.model)
         self.order = coordinate_order(self.model, model)
 

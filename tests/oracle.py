@@ -20,10 +20,9 @@ from transitions import Machine
 from twin_gait.experiment.experiment import IntegrationMethod
 from twin_gait.gait.guards import AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, signal_scale
-from twin_gait.gait.table import TICK, BlendingLaw
+from twin_gait.gait.table import TICK, BlendingLaw, GaitTable
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.simulation_setup import SimulationSetup
-from twin_gait.vocabulary import Side
 
 # Parameters a, b, c, d of equation (3.1) of the thesis.
 LAW = ("breakaway_torque", "coulomb_friction", "breakaway_velocity", "viscous_friction")
@@ -52,9 +51,13 @@ def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
 class PhaseMachine:
     """Phase of one leg by the library ``transitions``, with Python functions as conditions."""
 
-    def __init__(self, problem: SimulationSetup, side: Side) -> None:
-        """Add every transition of the gait table under one trigger."""
-        table = problem.table
+    def __init__(self, table: GaitTable, initial: str | None) -> None:
+        """Add every transition of a gait table under one trigger.
+
+        Args:
+            table: Gait table of the device or of the wearer.
+            initial: Phase at the start; the first phase if the table does not have it.
+        """
         self.signals: dict[str, float] = {}
         self.other_phase: str | None = None
         self.tick = self.entry = 0
@@ -62,7 +65,7 @@ class PhaseMachine:
         machine = Machine(
             model=self,
             states=list(table.phase_names),
-            initial=problem.world.initial_phases[side] or table.phase_names[0],
+            initial=initial if initial in table.phases else table.phase_names[0],
             model_attribute="phase",
             auto_transitions=False,
         )
@@ -137,7 +140,10 @@ class Controller:
         window = self._sensors.window
         self._samples: deque[np.ndarray] = deque([np.zeros(count)] * window, maxlen=window)
         self._voltage = self._battery.voltage
-        self.machines = {side: PhaseMachine(problem, side) for side in problem.sides}
+        starts = problem.world.initial_phases
+        self.machines = {side: PhaseMachine(problem.table, starts[side]) for side in problem.sides}
+        feet = problem.world.model.sides
+        self._feet = [feet.index(side) for side in problem.sides]  # the other leg may have no device
         self._blended = problem.phase_rows[np.arange(len(self.machines)), self.phases()]
         self._start = self._blended.copy()
 
@@ -181,7 +187,7 @@ class Controller:
 
     def _signals(self, leg: int, prefix: str) -> dict[str, float]:
         joints = self._problem.table.joints
-        signals = {f"{prefix}foot.load_bw": self._loads[leg]}
+        signals = {f"{prefix}foot.load_bw": self._loads[self._feet[leg]]}
         for position, joint in enumerate(joints):
             number = leg * len(joints) + position
             signals[f"{prefix}{joint}.angle_deg"] = float(self._angle[number])
@@ -269,6 +275,7 @@ class LegPlant:
         self._frames = [self.model.getFrameId(name) for name in frames]
         self._normal = dict.fromkeys(self._frames, 0.0)
         self.upper_body = UpperBody(problem, self._normal_force) if world.arms else None
+        self.muscles: OwnGait | None = None
         self._crutch, self._gravity = 0.0, given.gravity
         if world.arms:
             self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
@@ -280,7 +287,8 @@ class LegPlant:
         above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
         stiffness, damping, force = self._springs
         lost = friction_torque(v, self._law)
-        return np.asarray(force - stiffness * q - damping * v + below - above - lost)
+        own = np.zeros(len(q)) if self.muscles is None else self.muscles.torque(q, v)
+        return np.asarray(force - stiffness * q - damping * v + below - above - lost + own)
 
     def _lost_share(self, v: np.ndarray, signs: np.ndarray) -> np.ndarray:
         """Compute the lost share of a gear's load: output over load is η driving, 1 at rest, 1/η driven."""
@@ -370,6 +378,64 @@ class LegPlant:
         return q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
 
+class OwnGait:
+    """Wearer's own gait: springs and dampers of the phases of a second table, at joints without a drive."""
+
+    def __init__(self, problem: SimulationSetup) -> None:
+        """Read the wearer's table after scaling, and the strength of the muscles."""
+        rows, own = problem.own_gait, problem.experiment.own_gait
+        assert rows is not None and own is not None
+        self._table, self._numbers = rows.table, rows.phase_rows
+        sides, starts = problem.world.model.sides, problem.world.initial_phases
+        self.machines = [PhaseMachine(rows.table, starts[side]) for side in sides]
+        self._index = np.array([[problem.world.model.index(s, j) for j in own.joints] for s in sides])
+        driven = {(joint.side, joint.joint) for joint in problem.joints}
+        self._strength = np.array(
+            [[0.0 if (s, j) in driven else own.peak_torque[j] for j in own.joints] for s in sides]
+        )
+        self._blended = np.array([self._row(leg) for leg in range(len(sides))])
+        self._start = self._blended.copy()
+        q = problem.world.start_q[self._index]
+        rest = (q, np.zeros_like(q), np.zeros(len(sides)))
+        self._perceived = deque([rest] * (own.delay_ticks + 1), maxlen=own.delay_ticks + 1)
+
+    def _row(self, leg: int) -> np.ndarray:
+        phase = self._table.phase_index(self.machines[leg].phase)
+        return np.asarray(self._numbers[leg, phase, :-1].reshape(-1, 4))
+
+    def decide(self, tick: int, q: np.ndarray, v: np.ndarray, loads: list[float]) -> None:
+        """Perceive late, change phases, and blend the impedances."""
+        self._perceived.append((q[self._index], v[self._index], np.array(loads)))
+        angle, speed, load = self._perceived[0]
+        before = [machine.phase for machine in self.machines]
+        entries = [machine.entry for machine in self.machines]
+
+        def signals(leg: int, prefix: str) -> dict[str, float]:
+            found = {f"{prefix}foot.load_bw": float(load[leg])}
+            found[f"{prefix}time_in_phase_s"] = (tick - entries[leg]) * TICK
+            for number, joint in enumerate(self._table.joints):
+                found[f"{prefix}{joint}.angle_deg"] = float(angle[leg, number])
+                found[f"{prefix}{joint}.velocity_deg_per_s"] = float(speed[leg, number])
+            return found
+
+        for leg, machine in enumerate(self.machines):
+            machine.tick, machine.other_phase = tick, before[1 - leg]
+            machine.signals = signals(leg, "") | signals(1 - leg, OTHER)
+            if machine.advance():
+                self._start[leg] = self._blended[leg]
+            share = min((tick - machine.entry) / self._table.blending.duration_ticks, 1.0)
+            share = 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+            self._blended[leg] = self._start[leg] + share * (self._row(leg) - self._start[leg])
+
+    def torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Compute the torques of the muscles on the coordinates in [N·m], shape ``(nv,)``."""
+        stiffness, damping, rest, _ = np.moveaxis(self._blended, -1, 0)
+        own = -stiffness * (q[self._index] - rest) - damping * v[self._index]
+        found = np.zeros(len(q))
+        found[self._index] = np.clip(own, -self._strength, self._strength)
+        return found
+
+
 class RecordedMotion(NamedTuple):
     """Trace of the loop with a row for each tick.
 
@@ -392,8 +458,13 @@ def motion(problem: SimulationSetup, ticks: int) -> RecordedMotion:
     controller, leg = Controller(problem), LegPlant(problem)
     q, v = world.start_q.copy(), world.start_v.copy()
     trace = RecordedMotion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
+    if problem.own_gait is not None:
+        leg.muscles = OwnGait(problem)
     for tick in range(ticks):
-        motor = controller.torque(tick, q, v, leg.loads(q, v))
+        loads = leg.loads(q, v)
+        motor = controller.torque(tick, q, v, loads)
+        if leg.muscles is not None:
+            leg.muscles.decide(tick, q, v, loads)
         if leg.upper_body is not None:
             swinging = any(problem.table.is_swing(machine.phase) for machine in controller.machines.values())
             leg.upper_body.decide(q, v, swinging)

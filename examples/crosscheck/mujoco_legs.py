@@ -6,14 +6,15 @@ joints and the sizes of the device are used. Needs MuJoCo (``pip install 'twin-g
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from twin_gait import Experiment, JointName, LegModel, Patient
-from twin_gait.leg_model.anthropometry import device_sizes
+from twin_gait import Experiment, JointName, LegModel, Patient, Side
+from twin_gait.leg_model.anthropometry import DeviceSizes, device_sizes
+from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT, LegJoints
 
 
@@ -45,7 +46,7 @@ SEGMENTS = {
     },
 }
 # Shares of the body height (Winter, figure 4.1), and what a shank without a foot is measured by.
-SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT = 0.246, 0.152, 0.039
+THIGH_LENGTH, SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT, HIP_BREADTH = 0.245, 0.246, 0.152, 0.039, 0.191
 # Of head, arms and trunk between hip and shoulder (Winter, figure 4.1 and table 4.1).
 TRUNK_LENGTH, TRUNK_CENTRE, TRUNK_RADIUS = 0.288, 0.626, 0.496
 DRAWN_HEIGHT = 1.75  # [m] of the wearer for whom the feet of the URDF are drawn
@@ -55,13 +56,22 @@ COMPILER = (
 )
 
 
-def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = True) -> mujoco.MjSpec:
+def legs_spec(
+    model: LegModel,
+    patient: Patient | None,
+    *,
+    fit_device: bool = True,
+    made_to_measure: bool = False,
+    attachment: Attachment | None = None,
+) -> mujoco.MjSpec:
     """Read the URDF of a leg model with MuJoCo and put the wearer on there.
 
     Args:
         model: For the file and the names of the joints.
         patient: The wearer, or None.
         fit_device: Whether waist, femur, tibia and foot are set to the wearer.
+        made_to_measure: Whether they are exactly those of the wearer.
+        attachment: Parts of the device on the wearer's segments, or None.
 
     Returns:
         The legs before they are compiled, so that a ground can be added.
@@ -76,12 +86,21 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
     if model.pelvis == "free":
         pelvis.add_joint(name=PITCH_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     if patient is not None:
-        _put_on(spec, model, patient, fit_device=fit_device)
+        sizes = None
+        if fit_device:
+            sizes = _own_sizes(patient) if made_to_measure else device_sizes(patient)
+        _put_on(spec, model, patient, sizes, attachment or Attachment())
     return spec
 
 
 def compiled_legs(
-    spec: mujoco.MjSpec, model: LegModel, armature: Mapping[JointName, float], *, gravity: float, step: float
+    spec: mujoco.MjSpec,
+    model: LegModel,
+    armature: Mapping[JointName, float],
+    *,
+    gravity: float,
+    step: float,
+    driven_sides: Sequence[Side] = (),
 ) -> mujoco.MjModel:
     """Compile legs without limits, contacts and friction, for the semi-implicit Euler method.
 
@@ -91,6 +110,7 @@ def compiled_legs(
         armature: Inertia of the drives in [kg·m²].
         gravity: In [m/s²], against z.
         step: Length of an integration step in [s].
+        driven_sides: Legs with drives; empty for all.
     """
     legs = spec.compile()
     legs.opt.timestep = step
@@ -98,9 +118,9 @@ def compiled_legs(
     legs.opt.gravity[:] = [0.0, 0.0, -gravity]
     legs.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     legs.dof_damping[:] = legs.dof_frictionloss[:] = legs.dof_armature[:] = 0.0
-    for leg in model.legs.values():
+    for side, leg in model.legs.items():
         for joint, name in leg.items():
-            if joint in armature:
+            if joint in armature and side in (driven_sides or model.sides):
                 legs.dof_armature[legs.joint(name).dofadr[0]] = armature[joint]
     return legs
 
@@ -144,28 +164,53 @@ def legs_dynamics(
 # ---------------------------------------------------------------------- the wearer
 
 
-def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_device: bool) -> None:
-    """Fit the device and add the wearer's segments as bodies of their own."""
+def _own_sizes(patient: Patient) -> DeviceSizes:
+    shares = {"femur": THIGH_LENGTH, "tibia": SHANK_LENGTH, "waist": HIP_BREADTH, "foot": FOOT_LENGTH}
+    return DeviceSizes(**{name: share * patient.height for name, share in shares.items()})
+
+
+def _put_on(
+    spec: mujoco.MjSpec,
+    model: LegModel,
+    patient: Patient,
+    sizes: DeviceSizes | None,
+    attachment: Attachment,
+) -> None:
+    """Fit the device, and add the wearer's segments and attached masses as bodies of their own."""
     winter = patient.segment_model == "winter"
     segments = SEGMENTS["winter" if winter else str(patient.sex)]
-    for leg in model.legs.values():
-        if fit_device:
-            _fit(spec, leg, patient)
+    for side, leg in model.legs.items():
+        if sizes is not None:
+            _fit(spec, leg, patient, sizes)
+
+        def rest(name: str, side: Side = side) -> float:
+            """Return the share of a segment that a prosthesis leaves."""
+            return 1.0 - attachment.replaced.get(f"{side}_{name}", 0.0)
+
+        def attach(name: str, body: Any, start: np.ndarray, axis: np.ndarray, side: Side = side) -> None:
+            part = attachment.masses.get(f"{side}_{name}")
+            if part is not None:
+                centre = start + part.along * axis + np.array([part.forward, 0.0, 0.0])
+                _add_mass(body, part.mass, centre, part.mass * part.radius_of_gyration**2 * np.ones(3), axis)
+
         hip, knee = spec.joint(leg.hip).parent, spec.joint(leg.knee).parent
         thigh = np.array(knee.pos)
-        _add_limb(hip, patient, segments["thigh"], np.zeros(3), thigh)
+        _add_limb(hip, patient, segments["thigh"], np.zeros(3), thigh, rest("thigh"))
+        attach("thigh", hip, np.zeros(3), thigh)
         if leg.ankle is None:
             shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
             _add_limb(knee, patient, segments["shank"], np.zeros(3), shank)
             continue
         ankle = spec.joint(leg.ankle).parent
-        _add_limb(knee, patient, segments["shank"], np.zeros(3), np.array(ankle.pos))
+        _add_limb(knee, patient, segments["shank"], np.zeros(3), np.array(ankle.pos), rest("shank"))
+        attach("shank", knee, np.zeros(3), np.array(ankle.pos))
         length, drop = FOOT_LENGTH * patient.height, -0.5 * FOOT_HEIGHT * patient.height
         # de Leva measures from heel to toe, Winter from the ankle to the second metatarsal.
         start, axis = np.array([-0.25 * length, 0.0, drop]), np.array([length, 0.0, 0.0])
         if winter:
             start, axis = np.zeros(3), np.array([0.47 * length, 0.0, drop])
-        _add_limb(ankle, patient, segments["foot"], start, axis)
+        _add_limb(ankle, patient, segments["foot"], start, axis, rest("foot"))
+        attach("foot", ankle, start, axis)
     if model.pelvis != "fixed":
         trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
         up = np.array([0.0, 0.0, 1.0])
@@ -173,12 +218,16 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
         moment = trunk * (TRUNK_RADIUS * length) ** 2
         # In the sagittal plane nothing turns it about its own axis.
         moments = moment * np.array([1.0, 1.0, 0.5])
-        _add_mass(spec.joint(PELVIS_JOINT).parent, trunk, TRUNK_CENTRE * length * up, moments, up)
+        pelvis = spec.joint(PELVIS_JOINT).parent
+        _add_mass(pelvis, trunk, TRUNK_CENTRE * length * up, moments, up)
+        part = attachment.masses.get("pelvis")
+        if part is not None:
+            centre = part.along * length * up + np.array([part.forward, 0.0, 0.0])
+            _add_mass(pelvis, part.mass, centre, part.mass * part.radius_of_gyration**2 * np.ones(3), up)
 
 
-def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient) -> None:
+def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient, sizes: DeviceSizes) -> None:
     """Set waist, femur, tibia and foot; a link of the same mass and another length."""
-    sizes = device_sizes(patient)
     hip, knee = spec.joint(leg.hip).parent, spec.joint(leg.knee).parent
     hip.pos = [hip.pos[0], np.sign(hip.pos[1]) * sizes.waist / 2.0, hip.pos[2]]
     tubes = [(hip, knee, sizes.femur)]
@@ -199,8 +248,13 @@ def _grow(link: Any, ratio: float) -> None:
     link.fullinertia = ratio * ratio * np.array(link.fullinertia)
 
 
-def _add_limb(body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray) -> None:
-    mass, length = segment.mass * patient.mass, float(np.linalg.norm(axis))
+def _add_limb(
+    body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray, rest: float = 1.0
+) -> None:
+    """Add the share ``rest`` of the mass of a limb, unless nothing is left of it."""
+    if rest == 0.0:
+        return
+    mass, length = rest * segment.mass * patient.mass, float(np.linalg.norm(axis))
     radii = length * np.array([segment.transverse, segment.transverse, segment.longitudinal])
     _add_mass(body, mass, start + segment.centre * axis, mass * radii**2, axis)
 

@@ -22,7 +22,8 @@ FOLDER = Path(str(files("twin_gait.configuration")))
 PRESETS, DEVICES, TABLES, MODES = (
     sorted((FOLDER / name).glob("*.yaml")) for name in ("presets", "devices", "tables", "modes")
 )
-KINDS = {"experiment": PRESETS, "device": DEVICES, "table": TABLES, "modes": MODES}
+OWN_GAITS = sorted((FOLDER / "own_gaits").glob("*.yaml"))
+KINDS = {"experiment": PRESETS, "device": DEVICES, "table": [*TABLES, *OWN_GAITS], "modes": MODES}
 VALIDATORS = {kind: Draft202012Validator(json_schema(kind)) for kind in KINDS}
 
 

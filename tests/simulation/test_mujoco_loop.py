@@ -62,6 +62,12 @@ CASES = {
         "integration.step_ms=0.25",
         "patient.height_m=1.5",
     ),
+    "hip exoskeleton, knees moved by the wearer": (
+        "hip_exoskeleton",
+        "duration_s=1",
+        EULER,
+        "integration.step_ms=0.25",
+    ),
     "treadmill, a wearer whom the controller takes for another": (
         "treadmill",
         "duration_s=0.5",

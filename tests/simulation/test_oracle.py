@@ -35,6 +35,7 @@ CASES = {
         "scenario.trailing_phase=late_stance",
     ),
     "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),
+    "hip exoskeleton, knees moved by the wearer": ("hip_exoskeleton", EULER, 0.25, 1500),
 }
 
 

@@ -16,7 +16,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, signal_part
 from twin_gait.gait.table import GaitTable, StateTable
-from twin_gait.simulation.simulation_setup import SimulationSetup, scaled_table
+from twin_gait.simulation.simulation_setup import SimulationSetup, scaled_table, start_phase
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
 
@@ -90,7 +90,9 @@ def build_case(
         experiment=driving,
         limits={TRUNK: _pitches(world)} | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
-        first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
+        first_phases=tuple(
+            table.phase_names[start_phase(table, world.initial_phases[side])] for side in driving.sides
+        ),
         built_setup=setup,
     )
 

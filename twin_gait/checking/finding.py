@@ -69,7 +69,7 @@ class CheckCase:
     @property
     def has_other_leg(self) -> bool:
         """Whether the table drives two legs, so that guards may read the other one."""
-        return self.experiment is None or len(self.experiment.leg.legs) == 2
+        return self.experiment is None or len(self.experiment.sides) == 2
 
 
 Rule = Callable[[CheckCase], list[Finding]]

@@ -22,8 +22,8 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     The rest is the static balance of the joints: spring with its torque, current and angle limits, gravity
     and its compensation, and the friction that compensation leaves over at the stated friction ratio. In
     stance on a belt the foot carries the leg, and the belt and the other leg move the hip; the finding is
-    therefore a warning there, and is omitted if an exit of the phase is declared ``driven_by: contact``. It
-    is a warning, too, if an exit opens during the motion but no longer at rest. There are no findings if the
+    therefore a warning there, and is omitted if an exit of the phase is declared ``driven_by: contact``, in
+    swing, too, if the wearer moves joints of the leg. It is a warning, too, if an exit opens during the motion but no longer at rest. There are no findings if the
     controller does not move the legs by their phases.
     """
     space = signal_space(case)
@@ -31,7 +31,8 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
         for phase in leg.phases if leg.setup.controller.phase_driven else ():
             guarded = space.guarded(phase)
             exits, contact = [space.transition(index) for index in guarded], in_contact(leg, phase)
-            declared = contact and any(item.driven_by is DrivenBy.CONTACT for item in exits)
+            carried = contact or leg.setup.own_gait is not None
+            declared = carried and any(item.driven_by is DrivenBy.CONTACT for item in exits)
             if exits and not declared:
                 in_motion, at_rest, rest = _worst_way(space, leg, phase, guarded)
                 if not at_rest:

@@ -65,11 +65,11 @@ def add_parser(commands: Any) -> None:
 def show_presets(arguments: argparse.Namespace) -> int:
     """List experiments, devices, people, tables; print one.
 
-    List the packaged experiments, devices, patients and tables, or print one as a file that can be edited: a
-    preset with every value, a device, a person or a table.
+    List the packaged experiments, devices, patients, own gaits and tables, or print one as a file that can be
+    edited: a preset with every value, a device, a person or a table.
     """
     from twin_gait.configuration.device_file import list_devices
-    from twin_gait.configuration.experiments import list_patients, presets
+    from twin_gait.configuration.experiments import list_own_gaits, list_patients, presets
     from twin_gait.configuration.gait_table_file import packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import json_schema
     from twin_gait.report.pages import lines
@@ -82,6 +82,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
             "experiments": presets(),
             "devices": list_devices(),
             "patients": list_patients(),
+            "own_gaits": list_own_gaits(),
             "gait_tables": packaged_gait_tables(),
             "modes": packaged_mode_tables(),
         }
@@ -95,7 +96,12 @@ def show_presets(arguments: argparse.Namespace) -> int:
 def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.device_file import list_devices
     from twin_gait.configuration.documents import dump_yaml
-    from twin_gait.configuration.experiments import list_patients, load_experiment, presets
+    from twin_gait.configuration.experiments import (
+        list_own_gaits,
+        list_patients,
+        load_experiment,
+        presets,
+    )
     from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import comment_for
 
@@ -106,6 +112,8 @@ def _text_of(name: str, *, as_table: bool) -> str:
         return named_file(name, "modes").read_text(encoding="utf-8")
     if name in list_patients():
         return named_file(name, "patients").read_text(encoding="utf-8")
+    if name in list_own_gaits():
+        return named_file(name, "own_gaits").read_text(encoding="utf-8")
     if name in list_devices():
         return named_file(name, "devices").read_text(encoding="utf-8")
     document = load_experiment(name).document

@@ -65,6 +65,7 @@ def experiment_from_mapping(
     known, table = {}, None
     if previous is not None:
         known = known_sections(data, previous.document, previous.experiment)
+        known.pop("own_gait", None)  # because it is converted with its table below
         known.pop("integration", None)  # because it is merged with the default of engine and world below
         table = gait_table_file.ConvertedTable(previous.document["table"], previous.experiment.table)
     entry: Any = validate(_experiment_section(data.get("scenario"), source), {**data, **known}, source)
@@ -83,7 +84,10 @@ def experiment_from_mapping(
     if entry.modes is not None:
         found["modes"] = gait_table_file.mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
     if entry.own_gait is not None:
-        found["own_gait"] = _own_gait(entry.own_gait, source)
+        if previous is not None and data["own_gait"] is previous.document.get("own_gait"):
+            found["own_gait"] = previous.experiment.own_gait
+        else:
+            found["own_gait"] = _own_gait(entry.own_gait, source)
     if entry.controller is not None:
         found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
@@ -123,7 +127,7 @@ def _own_gait(data: Mapping[str, Any], source: str) -> OwnGait:
     """Convert the section of a wearer's own gait, with its table inline."""
     table, name = data.get("table"), f"{source}: own_gait"
     if not isinstance(table, Mapping):
-        known = ", ".join(packaged("tables"))
+        known = ", ".join(packaged("own_gaits"))
         raise ParameterFileError(
             source, "own_gait.table", f"expected a gait table, or the name of one of {known}, got {table!r}"
         )
@@ -138,9 +142,16 @@ def _resolved_own_gait(value: Any, path: Path) -> dict[str, Any] | None:
     """Return the section of a wearer's own gait with its table inline; ``value``: a section or a table."""
     if value is None:
         return None
-    section = {**value} if isinstance(value, Mapping) else {"table": value}
-    table = load_named_document("table", section.get("table"), path)
-    return section if table is None else {**section, "table": table}
+    section = {**value} if isinstance(value, Mapping) and "phases" not in value else {"table": value}
+    named = section.get("table")
+    if isinstance(named, Mapping):
+        table = load_named_document("table", named, path)
+        return section if table is None else {**section, "table": table}
+    find = partial(gait_table_file.named_file, named, "own_gaits", path.parent)
+    found = convert_with_context(str(path), "own_gait.table", find)
+    written = gait_table_file.read_gait_table(found)
+    gait_table_file.checked_table(written, str(found), found.stem)
+    return {**section, "table": {**written.data, "name": written.data.get("name") or found.stem}}
 
 
 def _experiment_section(scenario: Any, source: str) -> Any:
@@ -214,6 +225,11 @@ def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Return the parameters in a person's file; without ``name``, the name is that of the file."""
     person = {item: data[item] for item in data if item not in _HEADER}
     return {**person, "name": data.get("name") or path.stem}
+
+
+def list_own_gaits() -> dict[str, str]:
+    """Return the names of the own gaits that ship with the package, with their one-line descriptions."""
+    return descriptions(packaged("own_gaits"))
 
 
 def presets() -> dict[str, str]:

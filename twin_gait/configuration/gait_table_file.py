@@ -104,7 +104,13 @@ def _shared(entry: Any, name: str, words: GuardVocabulary, source: str) -> dict[
 
 
 # Kind of the documents in each folder of this package, for messages.
-_KINDS = {"tables": "gait table", "modes": "table of modes", "patients": "person", "devices": "device"}
+_KINDS = {
+    "tables": "gait table",
+    "modes": "table of modes",
+    "patients": "person",
+    "devices": "device",
+    "own_gaits": "own gait",
+}
 
 
 def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> Path:

@@ -14,6 +14,7 @@ from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile
 from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment.device import DeviceIdentity
 from twin_gait.experiment.experiment import Experiment
+from twin_gait.experiment.own_gait import OwnGait
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.registry import find_world, world_kinds
@@ -57,7 +58,10 @@ def _table() -> Any:
 def _experiment() -> Any:
     """Return the model of an experiment with explicit sections for all parts that may be named instead."""
     name: Any = Annotated[str, Field(min_length=1)]
-    person = create_model("Person", __base__=section_of(Patient), preset=(name, ""))
+    own_gait = create_model("OwnGait", __base__=section_of(OwnGait), table=(name | _table(), ...))
+    person = create_model(
+        "Person", __base__=section_of(Patient), preset=(name, ""), own_gait=(name | own_gait | None, None)
+    )
     worlds = reduce(or_, (section_of(find_world(kind)) for kind in world_kinds()))
     return create_model(
         "Experiment",
@@ -66,6 +70,7 @@ def _experiment() -> Any:
         scenario=(worlds, ...),
         device=(name | section_of(DeviceIdentity), ...),
         patient=(name | person | None, None),
+        own_gait=(name | own_gait | _table() | None, None),
         table=(name | _table(), ...),
         modes=(name | ModeTableFile | None, None),
     )

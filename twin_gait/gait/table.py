@@ -129,7 +129,7 @@ class DrivenBy(StrEnum):
     JOINT = "joint"
     """Balance of impedance, gravity and friction of the joint itself."""
     CONTACT = "contact"
-    """Force of the ground or belt, or motion of the other leg."""
+    """Force of the ground or belt, or motion of the other leg or of a joint that the wearer moves."""
 
 
 @dataclass(frozen=True, kw_only=True)

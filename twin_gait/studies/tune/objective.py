@@ -93,8 +93,8 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
     """
     joints, strides = list(leg.record.angles), contact["strides"] or math.nan
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
-    limits = [share_of_ticks(leg.saturation_cases[joint]["saturated"]) for joint in joints]
-    switches = [leg.torque_at_switches(joint) for joint in joints]
+    limits = [share_of_ticks(leg.saturation_cases[joint]["saturated"]) for joint in leg.record.driven]
+    switches = [leg.torque_at_switches(joint) for joint in leg.record.driven]
     apart = leg.error_parts().get("errors", {})
     errors = {f"{joint}_error_deg": parts["total_deg"] for joint, parts in apart.items()}
     offsets = [abs(parts["offset_deg"]) for joint, parts in apart.items() if joint in joints]
@@ -112,17 +112,19 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         # Repeated contacts of a foot just after landing; further contacts in swing are scuffs.
         "second_contacts_per_stride": (contact["further_contacts"] - contact["scuffs"]) / strides,
         "scuffs_per_stride": contact["scuffs"] / strides,
-        "saturated_pct": 100.0 * float(np.max(limits)),
-        "torque_change_Nm": float(np.max([item["switch_torque_change_Nm"] for item in switches])),
-        "torque_jump_Nm": float(np.max([item["switch_torque_jump_Nm"] for item in switches])),
+        # A leg without drives has no limits and no torques of a device.
+        "saturated_pct": 100.0 * float(np.max([0.0, *limits])),
+        "torque_change_Nm": float(np.max([0.0, *(item["switch_torque_change_Nm"] for item in switches)])),
+        "torque_jump_Nm": float(np.max([0.0, *(item["switch_torque_jump_Nm"] for item in switches)])),
         "clearance_lack_mm": NEEDED_CLEARANCE - 1e3 * contact["toe_clearance_min_m"],
     }
 
 
 def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]]) -> float:
     """Compute the largest absolute symmetry index in [%] of the swing share and the ranges of the joints."""
+    common = [joint for joint in legs[0].record.angles if all(joint in leg.record.angles for leg in legs)]
     left, right = (
-        [contact["swing_share"], *(leg.motion(joint)["range_of_motion_deg"] for joint in leg.record.angles)]
+        [contact["swing_share"], *(leg.motion(joint)["range_of_motion_deg"] for joint in common)]
         for leg, contact in zip(legs, contacts, strict=True)
     )
     return 100.0 * float(np.max([abs(symmetry_index(*pair)) for pair in zip(left, right, strict=True)]))
@@ -168,7 +170,7 @@ def rate_walk(run: Run) -> Rating:
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    names = [f"{side}_{joint}_motor_torque_Nm" for side in run.sides for joint in joints]
+    names = [f"{side}_{joint}_motor_torque_Nm" for side in run.experiment.sides for joint in joints]
     torques = np.array([run.columns[name] for name in names]).T.ravel()
     cost = walk_cost(values, lasted, fell, joints)
     return Rating(cost, values, fell, lasted, _deviations(run), root_mean_square(torques), joints)
