@@ -22,9 +22,10 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     The rest is the static balance of the joints: spring with its torque, current and angle limits, gravity
     and its compensation, and the friction that compensation leaves over at the stated friction ratio. In
     stance on a belt the foot carries the leg, and the belt and the other leg move the hip; the finding is
-    therefore a warning there, and is omitted if an exit of the phase is declared ``driven_by: contact``, in
-    swing, too, if the wearer moves joints of the leg. It is a warning, too, if an exit opens during the motion but no longer at rest. There are no findings if the
-    controller does not move the legs by their phases.
+    therefore a warning there, and is omitted if an exit of the phase is declared ``driven_by: contact``. If
+    the wearer moves joints of the leg, it is omitted for such an exit in swing, too. It is a warning, too, if
+    an exit opens during the motion but no longer at rest. There are no findings if the controller does not
+    move the legs by their phases.
     """
     space = signal_space(case)
     for leg in hanging_legs(case):

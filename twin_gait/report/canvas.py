@@ -24,7 +24,7 @@ from matplotlib.patches import Patch
 
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically
-from twin_gait.gait.table import TICK
+from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.labels import label_of
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.outcome import EventKind, trip_time
@@ -257,7 +257,9 @@ class RunFigure:
         """
         self.run, self.window = run, window
         self.time = run.log["time_s"].to_numpy()[self.window]
-        self.records, self.names = run.leg_records(), run.table.phase_names
+        self.records = run.leg_records()
+        # Phases of the device, then those of the wearer's own gait that the device does not have.
+        self.names = tuple(dict.fromkeys(name for table in self._tables() for name in table.phase_names))
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
         wearer, result = ", ".join(describe_wearer(run.experiment)), run.verdict.outcome or run.status
@@ -268,19 +270,30 @@ class RunFigure:
         if self.on_screen:
             self.figure.suptitle(text, fontsize="large")
 
-    def leg_panels(self, key: str, *, timed: bool = True) -> Iterator[tuple[Axes, LegRecord, JointName]]:
+    def _tables(self) -> list[GaitTable]:
+        """Return the gait tables of device and legs."""
+        return [self.run.table, *(self.run.leg_table(record.side) for record in self.records)]
+
+    def leg_panels(
+        self, key: str, *, timed: bool = True, driven: bool = False
+    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
         """Yield a titled panel for each joint (row) and leg (column), labelled at the first column.
 
-        ``key``: key of the label of the vertical axes, with braces for the joint; ``timed``: whether the
-        phases over time are in the background.
+        A leg has no panel for a joint that neither a drive nor the wearer's own gait moves. ``key``: key of
+        the label of the vertical axes, with braces for the joint; ``timed``: whether the phases over time are
+        in the background; ``driven``: whether only joints with a drive have a panel.
         """
-        joints = list(self.records[0].angles)
+        moved = [record.driven if driven else (*record.angles,) for record in self.records]
+        joints = [joint for joint in JointName if any(joint in of_leg for of_leg in moved)]
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
         shape = len(joints), len(self.records)
         sharex: Literal[True, "row"] = True if timed else "row"
         panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey="row")
         for row, joint in enumerate(joints):
-            for axes, record in zip(panels[row], self.records, strict=True):
+            for axes, record, of_leg in zip(panels[row], self.records, moved, strict=True):
+                if joint not in of_leg:
+                    axes.set_axis_off()
+                    continue
                 label = label_of(key.format(joint)).axis if record is self.records[0] else ""
                 style_panel(axes, f"{record.side} {joint}", label)
                 if timed:
@@ -292,10 +305,16 @@ class RunFigure:
 
         ``rows``: by default those of the window. Returns index of the phase, or ``HELD``, shape ``(n,)``.
         """
-        phases, held = record.phases, trip_time(self.run.events)
+        phases, held = self.phase_codes(record), trip_time(self.run.events)
         if held is not None:
             phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
         return phases[rows or self.window]
+
+    def phase_codes(self, record: LegRecord) -> np.ndarray:
+        """Return the phase of a leg at each tick as its index in :attr:`names`, shape ``(n,)``."""
+        names = self.run.leg_table(record.side).phase_names
+        codes = np.array([self.names.index(name) for name in names])
+        return np.asarray(codes[record.phases])
 
     def curve(self, axes: Axes, prefix: str, column: str, color: str, **style: Any) -> None:
         """Draw a column of the log over time in its display unit, with its name in the legend.
@@ -375,7 +394,7 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
     """
     styles: dict[str, dict[str, Any]] = {name: {"color": colours[name], "linewidth": 1.5} for name in runs}
     healthy = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
-    driven, shown = list(itertools.product(experiment.joints, experiment.leg.legs)), dict[str, Any]()
+    driven, shown = list(itertools.product(experiment.joints, experiment.sides)), dict[str, Any]()
     figure = Figure(figsize=(13.0 * len(driven) / 6, 3.3), layout="constrained")
     panels = figure.subplots(1, len(driven), squeeze=False)[0]
     for axes, (joint, side) in zip(panels, driven, strict=True):

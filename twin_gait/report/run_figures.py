@@ -63,7 +63,9 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     for axes, record, joint in sheet.leg_panels(FLEXION, timed=False):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
-        canvas.shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
+        canvas.shade_phases(
+            axes, PERCENT, usual_phases(sheet.phase_codes(record), bounds, len(sheet.names)), sheet.names
+        )
         _draw_mean_and_range(sheet, axes, np.degrees(cycles))
         title = f"{record.side} {joint}, {describe_stride_count(len(bounds), len(record.strides(skip=0)))}"
         reference = reference_cycle(run.experiment, joint)
@@ -72,7 +74,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
             title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
         axes.set_title(title, fontsize="medium")
         axes.label_outer()
-    return sheet.finish([item.phases for item in records])
+    return sheet.finish([sheet.phase_codes(item) for item in records])
 
 
 def _draw_mean_and_range(sheet: RunFigure, axes: Axes, cycles: np.ndarray) -> None:
@@ -100,7 +102,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     )
     for column, record in zip(grid.T, records, strict=True):
         bounds = shown_strides(record)
-        phases = usual_phases(record.phases, bounds, len(sheet.names))
+        phases = usual_phases(sheet.phase_codes(record), bounds, len(sheet.names))
         for axes, (title, unit) in zip(column, _FORCE_PANELS, strict=True):
             style_panel(axes, f"{record.side} {title}", unit if record is records[0] else "")
             canvas.shade_phases(axes, PERCENT, phases, sheet.names)
@@ -119,7 +121,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     grid[0, 0].set_ylim(bottom=0.0)
     grid[2, 0].set_yticks((0.0, 0.5, 1.0), ("heel", "middle", "toe"))
     grid[2, 0].set_ylim(-0.1, 1.15)
-    return sheet.finish([item.phases for item in records])
+    return sheet.finish([sheet.phase_codes(item) for item in records])
 
 
 def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
@@ -130,18 +132,22 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         name = f"{record.side}_{joint}_"
         angle_column = wearer_column(run.log, record.side, joint, "angle_rad").removeprefix(name)
         sheet.curve(axes, name, angle_column, BLACK, label="angle")
-        sheet.curve(axes, name, "equilibrium_rad", REFERENCE_COLOUR, linestyle=":")
+        spring = "equilibrium_rad" if joint in record.driven else "own_equilibrium_rad"
+        sheet.curve(axes, name, spring, REFERENCE_COLOUR, linestyle=":")
         if run.experiment.interface is not None:
             sheet.curve(axes, name, "angle_rad", ORANGE, label="angle of the device", linestyle="--")
     return sheet.finish_time_plot()
 
 
 def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw the parts of the command torque and the motor torque."""
+    """Draw the parts of the command torque and the motor torque, and torques of the wearer's own gait."""
     window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
     sheet = RunFigure(run, "Motor torques and their parts", (width, 8.0), window)
     for axes, record, joint in sheet.leg_panels("torque_Nm"):
         name = f"{record.side}_{joint}_"
+        if joint not in record.driven:
+            sheet.curve(axes, name, "own_torque_Nm", palette.VERMILLION, linewidth=2.0)
+            continue
         for part, colour in palette.TORQUE_COLOURS.items():
             if np.any(run.log[f"{name}{part}_torque_Nm"].to_numpy()[window] != 0.0):
                 sheet.curve(axes, name, f"{part}_torque_Nm", colour, linewidth=1.3)
@@ -154,7 +160,7 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
     sheet = RunFigure(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
-    for axes, record, joint in sheet.leg_panels("current_A"):
+    for axes, record, joint in sheet.leg_panels("current_A", driven=True):
         name, actuator = f"{record.side}_{joint}_", plant.actuators[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
         sheet.curve(axes, name, "target_current_A", ORANGE, linewidth=2.4)

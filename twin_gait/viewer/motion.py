@@ -15,7 +15,7 @@ import pandas as pd
 from twin_gait.control.safety import SafetyState
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.measures.leg_record import driven_joints
+from twin_gait.measures.leg_record import moved_joints
 from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.commands import SceneState
@@ -85,7 +85,8 @@ def read_motion(
     model.
     """
     coordinates, _ = state_columns(model)
-    for name in ("time_s", *coordinates, *(f"{side}_phase" for side in model.sides)):
+    phase_columns = [_phase_column(log, side) for side in model.sides]
+    for name in ("time_s", *coordinates, *phase_columns):
         if name not in log.columns:
             raise ViewerError(f"the log has no column {name!r}; expected a log of {model.urdf_path.name}")
     finite = np.isfinite(log[coordinates].to_numpy(dtype=float)).all(axis=1)
@@ -93,7 +94,9 @@ def read_motion(
     if log.empty:
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     times = (log["time_s"] - log["time_s"].iloc[0]).to_numpy(dtype=float)
-    names = tuple(log[f"{model.sides[0]}_phase"].cat.categories)
+    # Phases of the device first; a leg without a device has those of the wearer's own gait.
+    phase_columns.sort(key=lambda name: name.endswith("_own_phase"))
+    names = tuple(dict.fromkeys(name for column in phase_columns for name in log[column].cat.categories))
     if held_rows(log).any():
         names = (*names, HOLD)
     spells = {side: _spells(log, times, side, names) for side in model.sides}
@@ -136,8 +139,13 @@ def _rows_to_show(times: np.ndarray, frames_per_second: float, frame_times: np.n
 
 
 def _spells(log: pd.DataFrame, times: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
-    phases = log[f"{side}_phase"].astype(str).mask(held_rows(log), HOLD)
+    phases = log[_phase_column(log, side)].astype(str).mask(held_rows(log), HOLD)
     return _changes(phases.map(names.index).to_numpy(dtype=int), times)
+
+
+def _phase_column(log: pd.DataFrame, side: Side) -> str:
+    """Return the name of the column of the phases of a leg."""
+    return f"{side}_phase" if f"{side}_phase" in log.columns else f"{side}_own_phase"
 
 
 def _changes(codes: np.ndarray, times: np.ndarray) -> PhaseSpells:
@@ -162,9 +170,10 @@ def leg_values(log: Mapping[Any, Any] | pd.DataFrame, side: Side) -> dict[str, n
 def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
     """Return the columns of a log that a page shows of a leg, by the names of :class:`LegMotion`."""
     columns = {}
-    for joint in driven_joints(log, side):
+    for joint in moved_joints(log, side):
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
-        columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
+        own, motor = f"{side}_{joint}_own_torque_Nm", f"{side}_{joint}_motor_torque_Nm"
+        columns[f"{joint}_torque"] = own if own in log else motor
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}
     columns |= {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
     return {name: column for name, column in columns.items() if column in log}
