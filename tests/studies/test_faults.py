@@ -67,7 +67,7 @@ WRONG = {
     "supply_dip:left_knee@1s": ("supply_dip@4.2s", "left_knee"),
     "supply_loss_open:left_knee@1s": ("supply_loss_open@4.2s", "left_knee"),
     "supply_loss_open@1s=0.9s": ("unit", "no magnitude", "s"),
-    "supply_loss_shorted@1s=101s": ("100 s", "101"),
+    "supply_loss_shorted@1s=101s": ("100 s", "101.0"),
     "encoder_freeze:left_knee@soons": (NOTATION, "soons"),
     "encoder_freeze:left_knee@-1s": ("0", "-1.0"),
     "encoder_freeze:left_knee@nans": (NOTATION, "nans"),
