@@ -15,9 +15,8 @@ import pandas as pd
 from gallery import read_options
 from injected_faults.figure import draw_descents
 
-from twin_gait import load_experiment, simulate
+from twin_gait import Run, load_experiment, simulate
 from twin_gait.report.canvas import save
-from twin_gait.simulation.run import Run
 
 FALL, GROUND = 0.75, 0.1  # shares of the height of the pelvis at the start
 INDUCTIVE_TIME = 0.88  # [s]
