@@ -33,7 +33,7 @@ SECTIONS = {
     "crutches": ("Crutches and chair", ("overground", "rising")),
     "faults": (
         "Faults, bus and the sampled loop",
-        ("fault_campaign", "runaways", "network_map", "can_monitor", "loop_stability"),
+        ("fault_campaign", "runaways", "supply_loss", "network_map", "can_monitor", "loop_stability"),
     ),
     "device": ("Firmware and proofs", ("firmware", "validation", "identification_coverage")),
 }

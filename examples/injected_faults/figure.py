@@ -1,8 +1,8 @@
-"""Outcomes and detection times of a fault campaign, and one trip."""
+"""Outcomes and detection times of a fault campaign, one trip, and descents after a loss of the supply."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -43,6 +43,30 @@ def draw_campaign(table: pd.DataFrame, example: Run) -> Figure:
     (fault,) = example.experiment.faults
     cause, late = example.trip.cause.replace("_", " "), 1e3 * (example.trip.time - fault.time)
     knee.set_title(f"{fault}: {cause} trips after {late:.0f} ms", loc="left")
+    return figure
+
+
+def draw_descents(descents: Mapping[tuple[str, str], tuple[float, pd.DataFrame]]) -> Figure:
+    """Draw height and downward speed of the pelvis after a loss of the supply.
+
+    ``descents``: time of the loss in [s] and log, by case and windings.
+    """
+    cases = list(dict.fromkeys(case for case, _ in descents))
+    figure = Figure(figsize=(9.0, 5.2), layout="constrained")
+    grid = figure.subplots(2, len(cases), sharex="col", sharey="row", squeeze=False)
+    styles = {"shorted": (BLUE, "-"), "shorted, with inductance": (SKY_BLUE, "--"), "open": (VERMILLION, "-")}
+    for (case, windings), (start, log) in descents.items():
+        after = log[log["time_s"] >= start]
+        colour, line = styles[windings]
+        heights, speeds = grid[:, cases.index(case)]
+        times = after["time_s"] - start
+        heights.plot(times, after["pelvis_height_m"], color=colour, linestyle=line, label=windings)
+        speeds.plot(times, -after["pelvis_velocity_m_per_s"], color=colour, linestyle=line)
+        heights.set_title(case, loc="left")
+        speeds.set_xlabel("time after the loss [s]")
+    grid[0, 0].set_ylabel("pelvis height [m]")
+    grid[1, 0].set_ylabel("downward speed [m/s]")
+    grid[0, 0].legend(frameon=False)
     return figure
 
 

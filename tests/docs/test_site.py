@@ -89,8 +89,9 @@ def keys_of(summary: dict, before: str = "") -> set[str]:
         ("treadmill", ["network={}"]),
         ("overground", []),
         ("bench_leg", []),
+        ("treadmill", ["faults=['supply_loss_shorted@3s']"]),
     ],
-    ids=["braces", "bus", "overground", "bench"],
+    ids=["braces", "bus", "overground", "bench", "supply"],
 )
 def test_every_key_of_a_summary_is_in_its_page(preset, settings):
     page = (DOCS / "reference" / "summary.md").read_text(encoding="utf-8")

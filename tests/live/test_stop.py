@@ -23,7 +23,7 @@ from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
 from twin_gait.viewer.environment import BELT_MARK_SPACING
-from twin_gait.worlds.faults import FaultKind, parse_fault
+from twin_gait.worlds.faults import SUPPLY_FAULTS, FaultKind, parse_fault
 
 BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.5)
 EVEN = Belt(cruise=0.42, stop_ramp=0.5)
@@ -99,7 +99,7 @@ def test_forty_stops_spread_over_the_stride_end_in_no_fall(walk):
             assert load < CONTACT_FORCE or speed < 0.02, (moment, load, speed)
 
 
-TARGETS = {FaultKind.FOOT_LOAD_STUCK: ":left_foot", FaultKind.SUPPLY_DIP: ""}
+TARGETS = {FaultKind.FOOT_LOAD_STUCK: ":left_foot", **dict.fromkeys(SUPPLY_FAULTS, "")}
 
 
 MOMENTS = (3000, 3500, 4200, 4800)

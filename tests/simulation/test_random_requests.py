@@ -23,6 +23,7 @@ from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.schedule import NAMES
 from twin_gait.simulation.simulation_setup import build_setup
+from twin_gait.studies.fault_campaign import DRAWN_KINDS
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import FaultKind
 
@@ -47,7 +48,7 @@ def walk(seed: int, seconds: float = 12.0) -> Experiment:
     requests += [f"{n}@{0.6 + t:.3f}s" for n, t in zip(names, times, strict=True) if 0.6 + t < seconds]
     faults = []
     if seed % 6:
-        kind = list(FaultKind)[seed % len(FaultKind)]
+        kind = DRAWN_KINDS[seed % len(DRAWN_KINDS)]
         target = f"{draw.choice(['left', 'right'])}_{draw.choice(['hip', 'knee'])}"
         target = target.split("_")[0] + "_foot" if kind is FaultKind.FOOT_LOAD_STUCK else target
         target = "" if kind is FaultKind.SUPPLY_DIP else f":{target}"

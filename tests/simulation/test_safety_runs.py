@@ -60,6 +60,9 @@ BENCH_FAULTS = {
     "motor_stuck:right_knee@0.3s=-20Nm": "drive",
     "controller_runaway:right_hip@0.2s=3000Nm/s": "command_against_setpoint",
     "supply_dip@0.4s=25V": None,
+    "supply_loss_shorted@0.4s": None,
+    "supply_loss_shorted@0.4s=0.88s": None,
+    "supply_loss_open@0.4s": None,
 }
 
 

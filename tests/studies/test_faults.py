@@ -21,6 +21,7 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.validation import parse_assignment
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.studies.fault_campaign import (
+    DRAWN_KINDS,
     draw_faults,
     fault_row,
     outcome_table,
@@ -64,6 +65,9 @@ WRONG = {
     "encoder_freeze@4.2s": ("left_hip", "right_hip"),
     "foot_load_stuck:left_knee@1s": ("left_foot or right_foot", "left_knee"),
     "supply_dip:left_knee@1s": ("supply_dip@4.2s", "left_knee"),
+    "supply_loss_open:left_knee@1s": ("supply_loss_open@4.2s", "left_knee"),
+    "supply_loss_open@1s=0.9s": ("unit", "no magnitude", "s"),
+    "supply_loss_shorted@1s=101s": ("100 s", "101.0"),
     "encoder_freeze:left_knee@soons": (NOTATION, "soons"),
     "encoder_freeze:left_knee@-1s": ("0", "-1.0"),
     "encoder_freeze:left_knee@nans": (NOTATION, "nans"),
@@ -113,7 +117,7 @@ def test_the_same_seed_draws_the_same_faults_and_longer_lists_extend_shorter_one
     first = draw_faults(treadmill, 30, 7)
     assert draw_faults(treadmill, 50, 7)[:30] == first
     assert draw_faults(treadmill, 30, 8) != first
-    assert {item.kind for item in first} == set(FaultKind)
+    assert {item.kind for item in first} == set(DRAWN_KINDS)
     assert {item.side for item in first} == {Side.LEFT, Side.RIGHT, None}
     assert all(1.0 <= item.time <= 2.0 for item in first)
 

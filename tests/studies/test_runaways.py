@@ -24,7 +24,7 @@ from twin_gait.control.safety import TripCause
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import run_episodes
-from twin_gait.worlds.faults import FaultKind
+from twin_gait.studies.fault_campaign import DRAWN_KINDS
 
 BOUND = 10.0  # [N·m]
 
@@ -39,7 +39,7 @@ def test_runaways_are_drawn_over_their_ranges_and_every_second_one_has_another_f
     drawn = draw_runaways(experiment, 400, 3, 1.0)
     assert drawn == draw_runaways(experiment, 400, 3, 1.0)
     assert [len(faults) for faults in drawn] == [1, 2] * 200
-    assert {faults[1].kind for faults in drawn[1::2]} == set(FaultKind)
+    assert {faults[1].kind for faults in drawn[1::2]} == set(DRAWN_KINDS)
     first = [faults[0] for faults in drawn]
     assert {fault.location for fault in first} == {"left_hip", "left_knee", "right_hip", "right_knee"}
     rates, times = (

@@ -289,7 +289,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
 
 def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
     """Return a mapping with the defaults of all values that it leaves out; given values keep their units."""
-    plain = {key: value for key, value in data.items() if key != "events"}  # events have no default
+    # Events and requests have no default, and a setting may replace those that fit other modes.
+    plain = {key: value for key, value in data.items() if key not in ("events", "requests")}
     experiment = experiment_from_mapping(plain, source, folder)
     defaults = experiment_document(experiment)
     for wearer in (defaults["patient"], defaults["control"].get("patient")):

@@ -70,6 +70,29 @@ def voltage_limited_current(motor: Motor, current: float, joint_velocity: float,
     return current
 
 
+def shorted_current(motor: Motor, joint_velocity: float, inductive_time: float) -> float:
+    r"""Compute the steady current in [A] of a motor whose three terminals are connected to each other.
+
+    .. math::
+
+        I = -\frac{K_e\,\tau\,\omega}{R\,(1 + x^2)}, \qquad x = T_L\,\omega, \quad T_L = \frac{p\,\tau\,L}{R}
+
+    I is the part that makes torque, :math:`-(K_t \tau)^2 \omega / R` for x = 0. x is the ratio of reactance
+    to resistance at the electrical frequency :math:`p\,\tau\,\omega` with p pole pairs. The torque is highest
+    at x = 1, and the current of a phase is :math:`K_e \tau \omega / (R \sqrt{1 + x^2})`. This is the steady
+    state of a synchronous machine without saliency, which is reached within some L/R (computed; the current
+    of a phase agrees with Roboteq, Calculating the motor dynamic braking 3-phase short current).
+
+    Args:
+        motor: Motor and gear.
+        joint_velocity: ω in [rad/s].
+        inductive_time: T_L in [s]; 0 to neglect the inductance. L and R are both line to line.
+    """
+    ratio = inductive_time * joint_velocity
+    back_emf = motor.torque_constant * motor.gear_ratio * joint_velocity
+    return -back_emf / (motor.resistance * (1.0 + ratio * ratio))
+
+
 def winding_voltage(motor: Motor, current: float, joint_velocity: float) -> float:
     r"""Compute the voltage on a winding with a steady current: :math:`U = R I + K_e\,\tau\,\omega`."""
     return motor.resistance * current + motor.torque_constant * motor.gear_ratio * joint_velocity

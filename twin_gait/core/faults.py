@@ -10,6 +10,7 @@ from dataclasses import dataclass
 # Kinds of faults.
 ENCODER_FREEZE, ENCODER_JUMP, ENCODER_MISSING, ENCODER_DRIFT, ENCODER_OFFSET = range(5)
 MOTOR_DEAD, MOTOR_STUCK, CONTROLLER_RUNAWAY, FOOT_LOAD_STUCK, SUPPLY_DIP = range(5, 10)
+SUPPLY_LOSS_SHORTED, SUPPLY_LOSS_OPEN = range(10, 12)
 
 NO_FAULT = -1
 JUMP_TICKS = 5  # Length of a jump, which is a glitch; a lasting error is an offset.
@@ -84,18 +85,31 @@ def drive_fault(joint: int, tick: int, faults: list[FaultRecord]) -> int:
     return NO_FAULT
 
 
+def supply_loss(tick: int, faults: list[FaultRecord]) -> int:
+    """Find the index of the active loss of the supply, the first of several, or return ``NO_FAULT``."""
+    for row in range(len(faults)):
+        fault = faults[row]
+        lost = fault.kind == SUPPLY_LOSS_SHORTED or fault.kind == SUPPLY_LOSS_OPEN
+        if lost and tick >= fault.start_tick:
+            return row
+    return NO_FAULT
+
+
 def supply_drop(tick: int, faults: list[FaultRecord]) -> float:
-    """Compute the voltage in [V] by which the faults reduce the supply; 0 without a dip."""
+    """Compute the voltage in [V] by which the faults reduce the supply.
+
+    It is 0 without a dip or a loss, and infinite after a loss.
+    """
     drop = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
         if fault.kind == SUPPLY_DIP and 0 <= elapsed < DIP_TICKS:
             drop += fault.magnitude
-    return drop
+    return drop if supply_loss(tick, faults) == NO_FAULT else math.inf
 
 
 def dipped_bus_voltage(voltage: float, drop: float, highest_back_emf: float) -> float:
-    """Compute the bus voltage in [V] in a dip of the supply.
+    """Compute the bus voltage in [V] in a dip of the supply, or after its loss.
 
     Turning motors charge the bus through the diodes of their bridges, so that it does not fall below the
     highest back-EMF of all motors. The supply is cut off, so only the capacitors of the bus absorb that

@@ -27,9 +27,11 @@ from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, wo
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.faults import LOSSES_OF_SUPPLY, Fault, FaultKind
 
 # Distributions whose version can change a number of a log, by their usual name.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
+PELVIS_HEIGHT = "pelvis_height_m"
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
 
 
@@ -75,6 +77,7 @@ def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str,
         "safety": _safety_summary(run),
         **({} if run.experiment.modes is None else {"requests_rejected": " | ".join(refused)}),
         **({} if run.traffic is None else {"network": run.traffic}),
+        **supply_loss_summary(run),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
         **energy_summary(run),
@@ -153,6 +156,47 @@ def _safety_summary(run: Run) -> dict[str, Any]:
         "time_s": None if trip is None else trip.time,
         "faults": " ".join(str(item) for item in run.experiment.faults),
     }
+
+
+def supply_loss_summary(run: Run) -> dict[str, Any]:
+    """Compute the descent of the pelvis after a loss of the supply; empty without one or with a fixed pelvis.
+
+    A run with shorted windings is repeated with open ones to measure the effect of the braking.
+    """
+    losses = [item for item in run.experiment.faults if item.kind in LOSSES_OF_SUPPLY]
+    first = min(losses, key=lambda item: item.time, default=None)
+    if first is None or PELVIS_HEIGHT not in run.log or first.time >= run.duration:
+        return {}
+    shorted = first.kind is FaultKind.SUPPLY_LOSS_SHORTED
+    return {
+        "supply_loss": {
+            "windings": "shorted" if shorted else "open",
+            "time_s": first.time,
+            **_measure_descent(run, first),
+            "with_open_windings": _descend_with_open_windings(run, first) if shorted else None,
+        }
+    }
+
+
+def _measure_descent(run: Run, loss: Fault) -> dict[str, Any]:
+    """Return the highest speed in [m/s] at which the pelvis sinks after a loss, its place, and the end."""
+    log = run.log[run.log["time_s"] >= loss.time]
+    heights, speeds = log[PELVIS_HEIGHT].to_numpy(), -log["pelvis_velocity_m_per_s"].to_numpy()
+    fastest = int(np.argmax(speeds))
+    return {
+        "status": str(run.status),
+        "lasted_s": run.duration - loss.time,
+        "sinking_peak_m_per_s": float(speeds[fastest]),
+        "sinking_peak_height_m": float(heights[fastest]),
+        "pelvis_lowest_m": float(heights.min()),
+    }
+
+
+def _descend_with_open_windings(run: Run, loss: Fault) -> dict[str, Any]:
+    """Return the descent of the same run with open windings."""
+    opened = Fault(kind=FaultKind.SUPPLY_LOSS_OPEN, time=loss.time)
+    faults = tuple(opened if item == loss else item for item in run.experiment.faults)
+    return _measure_descent(simulate(replace(run.experiment, faults=faults)), opened)
 
 
 def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:

@@ -17,13 +17,14 @@ from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
-from twin_gait.worlds.faults import Fault, FaultKind
+from twin_gait.worlds.faults import LOSSES_OF_SUPPLY, Fault, FaultKind
 
 FIRST_TIME = 1.0  # [s]; the gait has started by then
 # Outcomes in the order of the table, best first.
 OUTCOMES = (Outcome.WALKED, Outcome.HELD, Outcome.STALLED, Outcome.HUNG, Outcome.FELL, Outcome.DIVERGED)
 REST = 2.0  # [s] after the last fault, to see the outcome
 
+DRAWN_KINDS = tuple(kind for kind in FaultKind if kind not in LOSSES_OF_SUPPLY)
 # Smallest and largest magnitude that is drawn, in SI units, from hardly noticeable to gross.
 MAGNITUDES = {
     FaultKind.ENCODER_JUMP: (0.5 * DEGREE, 30.0 * DEGREE),
@@ -50,7 +51,8 @@ def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
     """Draw faults over kind, joint, time and magnitude.
 
     Kinds alternate, so that each is drawn equally often; side, joint and time are uniform, magnitudes are
-    log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
+    log-uniform between the bounds of ``MAGNITUDES`` with either sign. A loss of the supply is not drawn: it
+    ends every walk, and ``examples/supply_loss.py`` simulates it. A fault depends on the seed and its
     position only: a longer campaign begins with the faults of a shorter one. Raises ParameterError if the run
     is too short for a fault and its consequences, or ``count`` or ``seed`` is too small.
     """
@@ -59,7 +61,7 @@ def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
     least = FIRST_TIME + REST
     require(experiment.duration >= least, "duration", f"{least:g} s or more", experiment.duration)
     feet = experiment.scenario.grounded
-    kinds = [kind for kind in FaultKind if feet or kind is not FaultKind.FOOT_LOAD_STUCK]
+    kinds = [kind for kind in DRAWN_KINDS if feet or kind is not FaultKind.FOOT_LOAD_STUCK]
     return [_draw(experiment, kinds[index % len(kinds)], index, seed) for index in range(count)]
 
 

@@ -27,6 +27,8 @@ class FaultKind(CodedEnum):
     CONTROLLER_RUNAWAY = "controller_runaway"
     FOOT_LOAD_STUCK = "foot_load_stuck"
     SUPPLY_DIP = "supply_dip"
+    SUPPLY_LOSS_SHORTED = "supply_loss_shorted"
+    SUPPLY_LOSS_OPEN = "supply_loss_open"
 
     @property
     def units(self) -> dict[str, float]:
@@ -35,10 +37,13 @@ class FaultKind(CodedEnum):
 
     def location(self, side: Side, joint: JointName) -> str:
         """Return the affected part in the notation: a joint of a leg, its foot, or nothing for the supply."""
-        if self is FaultKind.SUPPLY_DIP:
+        if self in SUPPLY_FAULTS:
             return ""
         return f"{side}_{FOOT if self is FaultKind.FOOT_LOAD_STUCK else joint}"
 
+
+LOSSES_OF_SUPPLY = FaultKind.SUPPLY_LOSS_SHORTED, FaultKind.SUPPLY_LOSS_OPEN
+SUPPLY_FAULTS = FaultKind.SUPPLY_DIP, *LOSSES_OF_SUPPLY  # faults without a joint or a foot
 
 # Default magnitude in SI units, and the units in which one may be given; a kind that is missing has no
 # magnitude.
@@ -49,12 +54,13 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
     FaultKind.MOTOR_STUCK: (30.0, {"Nm": 1.0}),
     FaultKind.CONTROLLER_RUNAWAY: (200.0, {"Nm/s": 1.0}),
     FaultKind.SUPPLY_DIP: (15.0, {"V": 1.0}),
+    FaultKind.SUPPLY_LOSS_SHORTED: (0.0, {"s": 1.0}),
 }
 
 
 # Largest magnitude in SI units, chosen like the ranges in :mod:`twin_gait.parameters.quantities`: half a
 # turn, ten times the no-load speed, ten times the permissible torque of the gear, this torque within 10 ms,
-# extra-low voltage.
+# extra-low voltage, a hundred times the inductive time of the motors.
 _LARGEST: dict[FaultKind, float] = {
     FaultKind.ENCODER_JUMP: math.pi,
     FaultKind.ENCODER_OFFSET: math.pi,
@@ -62,6 +68,7 @@ _LARGEST: dict[FaultKind, float] = {
     FaultKind.MOTOR_STUCK: 1e3,
     FaultKind.CONTROLLER_RUNAWAY: 1e5,
     FaultKind.SUPPLY_DIP: 120.0,
+    FaultKind.SUPPLY_LOSS_SHORTED: 100.0,
 }
 
 
@@ -73,8 +80,8 @@ class Fault:
     time: float  # Time at which it begins, in [s].
     # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
     location: str = ""
-    # Angle in [rad], rate in [rad/s], torque in [N·m], rate in [N·m/s] or voltage in [V], according
-    # to the kind; None means the default of the kind.
+    # Angle in [rad], rate in [rad/s], torque in [N·m], rate in [N·m/s], voltage in [V] or inductive
+    # time in [s], according to the kind; None means the default of the kind.
     magnitude: float | None = None
 
     def __post_init__(self) -> None:
@@ -123,7 +130,7 @@ class Fault:
 
     def _require_location(self, name: str, sides: Iterable[Side], joints: Iterable[JointName]) -> None:
         locations = dict.fromkeys(self.kind.location(side, joint) for joint in joints for side in sides)
-        words = " or ".join(locations) or "no location, as in supply_dip@4.2s"
+        words = " or ".join(locations) or f"no location, as in {self.kind}@4.2s"
         require(self.location in locations, name, words, self.location)
 
     def __str__(self) -> str:
@@ -149,7 +156,7 @@ def parse_fault(text: str) -> Fault:
 
     The notation is ``KIND:SIDE_JOINT@TIMEs``, with ``=`` and a magnitude with its unit where the kind has
     one: ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
-    ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``.
+    ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``, ``supply_loss_shorted@5s``.
 
     Raises ParameterError if it cannot be read.
     """

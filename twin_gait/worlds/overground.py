@@ -19,7 +19,14 @@ from twin_gait.parameters.crutches import LEAN_ANGLES, ArmParameters, CrutchPara
 from twin_gait.parameters.environment import ChairParameters, ContactParameters
 from twin_gait.vocabulary import Environment, PelvisGuide, Side
 from twin_gait.worlds.arm_policy import SITTING, new_perception, new_policy, plant_crutch
-from twin_gait.worlds.standing import FALL_SHARE, SeatedBalance, SplitStance, level_feet, new_seat
+from twin_gait.worlds.standing import (
+    FALL_SHARE,
+    FallShare,
+    SeatedBalance,
+    SplitStance,
+    level_feet,
+    new_seat,
+)
 from twin_gait.worlds.world import Adjustment, Posture, Walking, World, posture_field, start_posture
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
@@ -64,6 +71,8 @@ class Overground(SplitStance):
         shank: Angle in [rad] by which the shanks of a wearer who begins sitting lean forward over the feet.
         crutch_ahead: Distance of the two tips in front of the shoulder at the start in [m].
         fall_lean: Lean of the trunk in [rad], in either direction, beyond which the wearer has fallen.
+        fall_height_share: Share of the height of the pelvis at the start, or of the seat with a chair, below
+            which the wearer has fallen and the run ends. A lower one lets a descent continue to the ground.
         leading: Leg that starts in front.
         leading_angles: Angles of the joints of the leading leg at the start in [rad].
         trailing_angles: Angles of the joints of the trailing leg at the start in [rad].
@@ -92,6 +101,7 @@ class Overground(SplitStance):
     fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, exclusive_minimum=True)] = (
         math.radians(60.0)
     )
+    fall_height_share: FallShare = FALL_SHARE
     leading: Side = Side.LEFT
     leading_angles: Annotated[Posture, quantities.Key("leading_start")] = posture_field(26.0, 8.0)
     trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = posture_field(0.0, 10.0)
@@ -138,7 +148,7 @@ class Overground(SplitStance):
         rope = self.harness
         harness = Harness(rope.height * tall, rope.share * weight, rope.damping)
         trunk = Trunk(SHOULDER_HEIGHT * tall, harness)
-        low = FALL_SHARE * (q[height] if seat is None else seat.height)
+        low = self.fall_height_share * (q[height] if seat is None else seat.height)
         more = {"fall_height": low, "fall_pitch": self.fall_lean, "trunk": trunk, "seat": seat}
         world = self.build_standing_world(model, plant, q, rope, weight, **more)
         return world if self.crutches is None else self._with_crutches(world, self.crutches)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Annotated, Any, Self, TypeAlias
 
 import numpy as np
 
@@ -18,12 +18,13 @@ from twin_gait.core.plant import (
 )
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.environment import ChairParameters, ContactParameters
-from twin_gait.parameters.quantities import from_attributes, require
+from twin_gait.parameters.quantities import SHARE, Ratio, from_attributes, require
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Posture, Scenario, World
 
-# A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
+# Share of the height of the pelvis at the start, below which the wearer has fallen.
 FALL_SHARE = 0.75
+FallShare: TypeAlias = Annotated[Ratio, SHARE]
 # Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N·m].
 MOST_ROUNDS, LARGEST_STEP, DIFFERENCE, BALANCED = 60, 0.02, 1e-7, 1e-6
 
@@ -41,6 +42,9 @@ class SplitStance(Scenario):
     trailing_phase: str  # Phase of the other leg at the start.
 
     contact: ContactParameters  # Contact parameters of heels and toes.
+    fall_height_share: (
+        float  # Share of the height of the pelvis at the start, below which the wearer has fallen.
+    )
 
     def leading_side(self, sides: Sequence[Side]) -> Side:
         """Return the leg that starts in front."""

@@ -11,7 +11,7 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.environment import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, from_attributes
 from twin_gait.vocabulary import Environment, PelvisGuide, Side
-from twin_gait.worlds.standing import FALL_SHARE, SplitStance, level_feet
+from twin_gait.worlds.standing import FALL_SHARE, FallShare, SplitStance, level_feet
 from twin_gait.worlds.world import (
     BELT_SPEED,
     Adjustment,
@@ -56,6 +56,8 @@ class Treadmill(SplitStance):
             downhill. Gravity, guide and support stay vertical.
         support: Body-weight support and guide.
         contact: Contact parameters of heels and toes.
+        fall_height_share: Share of the height of the pelvis at the start, below which the wearer has fallen
+            and the run ends. A lower one lets a descent continue to the ground.
         leading: Leg that starts in front.
         leading_angles: Angles of the joints of the leading leg at the start in [rad], on level ground. On a
             slope both legs are turned with it about the hips, so that they meet the belt as on level ground.
@@ -73,6 +75,7 @@ class Treadmill(SplitStance):
     slope: Annotated[Angle, SLOPES] = 0.0
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
+    fall_height_share: FallShare = FALL_SHARE
     leading: Side = Side.LEFT
     # Posture between two steps of the default walk; both feet reach the belt, and the first swings clear it.
     leading_angles: Annotated[Posture, Key("leading_start")] = posture_field(18.0, 10.0)
@@ -141,7 +144,7 @@ class Treadmill(SplitStance):
             harness.stiffness, harness.damping = ropes.forward_stiffness, ropes.forward_damping
         q = start_posture(model, self.postures(self.slope), ankle_rest)
         q[pelvis] = level_feet(model, q, math.tan(self.slope))
-        more = {"belt": self._belt(), "slope": self.slope, "fall_height": FALL_SHARE * q[pelvis]}
+        more = {"belt": self._belt(), "slope": self.slope, "fall_height": self.fall_height_share * q[pelvis]}
         return self.build_standing_world(model, plant, q, ropes, weight, **more)
 
 

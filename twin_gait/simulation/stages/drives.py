@@ -1,9 +1,24 @@
 """Steps of the drives: torques of the motors from their target currents, and the bus voltage."""
 
 from twin_gait.control.joint_board import store_drive_state
-from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
+from twin_gait.core.actuator import (
+    battery_power,
+    current_to_torque,
+    motor_electrical_power,
+    sagged_bus_voltage,
+    shorted_current,
+    winding_voltage,
+)
 from twin_gait.core.control_tick import drive_motor, target_current
-from twin_gait.core.faults import MOTOR_STUCK, NO_FAULT, dipped_bus_voltage, drive_fault, supply_drop
+from twin_gait.core.faults import (
+    MOTOR_STUCK,
+    NO_FAULT,
+    SUPPLY_LOSS_SHORTED,
+    dipped_bus_voltage,
+    drive_fault,
+    supply_drop,
+    supply_loss,
+)
 from twin_gait.simulation.build_flags import WITH_FAULTS
 from twin_gait.simulation.episode import Episode
 
@@ -16,15 +31,17 @@ def begin_power(e: Episode) -> None:
 def drive(e: Episode, number: int, tick: int) -> None:
     """Compute current and torque of a motor from its target current, with faults."""
     _drive(e, number)
-    if WITH_FAULTS and tick >= e.first_fault and not e.joints[number].board.command.drive_off:
+    if WITH_FAULTS and tick >= e.first_fault:
         _drive_faulty(e, number, tick)
     _note_drive(e, number)
 
 
-def draw_power(e: Episode) -> None:
-    """Compute the power of motors and electronics that the battery delivers."""
+def draw_power(e: Episode, tick: int) -> None:
+    """Compute the power of motors and electronics that the battery delivers; 0 after a loss of the supply."""
     battery = e.supply
     battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
+    if WITH_FAULTS and tick >= e.first_fault and supply_loss(tick, e.faults) != NO_FAULT:
+        battery.power = 0.0
 
 
 def _drive(e: Episode, number: int) -> None:
@@ -38,13 +55,27 @@ def _drive(e: Episode, number: int) -> None:
 
 
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:
-    joint, row = e.joints[number], drive_fault(number, tick, e.faults)
-    if row != NO_FAULT:
+    joint, row, lost = e.joints[number], drive_fault(number, tick, e.faults), supply_loss(tick, e.faults)
+    if lost != NO_FAULT:
+        _drive_without_supply(e, number, lost)
+    elif row != NO_FAULT and not joint.board.command.drive_off:
         motor, index, fault, expected = joint.motor, joint.index, e.faults[row], joint.current
         wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
         target = target_current(motor, wrong, e.limits.torque, e.limits.current)
         joint.current, e.motor[index] = drive_motor(motor, target, e.v[index], e.supply.bus_voltage)
         joint.current_deviation = joint.current - expected
+
+
+def _drive_without_supply(e: Episode, number: int, row: int) -> None:
+    """Compute current and torque of a motor after a loss of the supply, with shorted or open windings.
+
+    No command has an effect. ``row``: index of the fault.
+    """
+    joint, fault = e.joints[number], e.faults[row]
+    motor, index = joint.motor, joint.index
+    shorted = fault.kind == SUPPLY_LOSS_SHORTED
+    joint.current = shorted_current(motor, e.v[index], fault.magnitude) if shorted else 0.0
+    e.motor[index] = current_to_torque(joint.current, motor.torque_constant, motor.gear_ratio)
 
 
 def _note_drive(e: Episode, number: int) -> None:
@@ -67,9 +98,11 @@ def update_bus_voltage(e: Episode, tick: int) -> None:
 
 
 def _dip(e: Episode, tick: int) -> None:
-    """Reduce the bus voltage by a fault of the supply."""
-    drop, highest = supply_drop(tick, e.faults), 0.0
+    """Reduce the bus voltage by a fault of the supply; shorted windings do not charge the bus."""
+    drop, highest, lost = supply_drop(tick, e.faults), 0.0, supply_loss(tick, e.faults)
     if drop > 0.0:
         for joint in e.joints:
             highest = max(highest, joint.board.bounds.emf_constant * abs(e.v[joint.index]))
+        if lost != NO_FAULT and e.faults[lost].kind == SUPPLY_LOSS_SHORTED:
+            highest = 0.0
         e.supply.bus_voltage = dipped_bus_voltage(e.supply.bus_voltage, drop, highest)
