@@ -99,7 +99,7 @@ def write_table(folder: Path, joints: Sequence[str]) -> Path:
         guard = f"> {here - 2}" if here > before else f"< {here + 2}"
         step = {"from": phase, "to": order[(index + 1) % 4]}
         transitions.append({**step, "cause": "arrived", "all": [f"{joints[0]}.angle_deg {guard}"]})
-        transitions.append({**step, "cause": "timeout", "after_s": 1.0})
+        transitions.append({**step, "cause": "timeout", "after_s": 0.4})
     content = {
         "schema_version": 2,
         "name": "four_phases",
