@@ -20,12 +20,11 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("name", metavar="NAME", help="packaged device, or YAML file of a device")
     text = "write the layout of its CAN frames as a DBC file, and print no page"
     parser.add_argument("--dbc", type=Path, metavar="FILE", help=text)
-    parser.add_argument("--force", action="store_true", help="replace an existing file at --dbc")
-    options.add(parser, "--json")
+    options.add(parser, "--force", "--json")
 
 
 def show_device(arguments: argparse.Namespace) -> int:
-    """Print a device on one page, or write the layout of its CAN frames.
+    """Print a device on one page, or write its DBC file.
 
     Print joints, drives with torque over speed, limits, masses, and the source of every number of a device.
     The layout of the frames is generated for its boards and limits, as for an experiment without network.dbc.
