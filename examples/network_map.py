@@ -46,7 +46,7 @@ def bus_loads() -> list[dict]:
     rows = []
     for rate in (1000, 500):
         bus = load_experiment("treadmill", [f"network={{bit_rate_kbit_per_s: {rate}}}"]).experiment
-        load, times = traffic_of(bus.network)
+        load, times = traffic_of(bus)
         last = max(times.values())
         latest = "never" if last == math.inf else f"{1e3 * last:.2f} ms after it is due"
         rows.append({"bit rate": f"{rate} kbit/s", "load": f"{load:.0%}", "the last frame": latest})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -17,12 +18,13 @@ from twin_gait.checking.network import (
     response_times,
     traffic_of,
 )
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.core import can_bus
 from twin_gait.core.can_bus import FULL_SCALE, NEVER, NO_INDEX, Bus, Frame, Node, OutageRecord, advance
 from twin_gait.core.can_frame import Header, max_frame_bits, new_header
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters.network import NetworkParameters
+from twin_gait.parameters.network import BOARDS, NetworkParameters
 
 MS = 10**9  # [ps]
 BIT = 10**6
@@ -155,13 +157,13 @@ def test_no_simulated_response_exceeds_the_bound() -> None:
 
 @pytest.mark.usefixtures("longest_frames")
 def test_the_eight_frames_of_the_device_meet_their_bounds() -> None:
-    network, messages = NetworkParameters(), cyclic_messages(load_messages())
-    load, times = traffic_of(network)
+    network, messages = NetworkParameters(), cyclic_messages(load_messages(), BOARDS[:4])
+    load, times = traffic_of(load_experiment("treadmill", ["network=can"]).experiment)
     assert load == 0.54
     expected = [270, 405, 540, 675, 810, 945, 1080, 1080]  # 135 bits each, the last one is not blocked
     assert [round(1e6 * time) for time in times.values()] == expected
     for number in range(8):
-        bus = new_bus(network, messages, 0, 1e-3)
+        bus = new_bus(network, load_messages(), BOARDS[:4], 0, 1e-3)
         if number < 7:
             for made in bus.frames[: number + 1]:
                 made.event = made.release = 1
@@ -175,11 +177,9 @@ def test_the_eight_frames_of_the_device_meet_their_bounds() -> None:
 
 
 def test_frames_with_their_own_stuff_bits_stay_below_the_bounds() -> None:
-    network, messages = (
-        NetworkParameters(jitter=2e-4, clock_drift={"left_hip": 1e-3}),
-        cyclic_messages(load_messages()),
-    )
-    bus, (load, times) = new_bus(network, messages, 3, 1e-3), traffic_of(network)
+    network = NetworkParameters(jitter=2e-4, clock_drift={"left_hip": 1e-3})
+    bus = new_bus(network, load_messages(), BOARDS[:4], 3, 1e-3)
+    load, times = traffic_of(replace(load_experiment("treadmill").experiment, network=network))
     random = np.random.default_rng(8)
     for tick in range(4000):
         for made in bus.frames:

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from errors import raises, states
 from friction_bench import KNEE, campaign, rotational, write_log
+from own_devices import FRICTION, write_device
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.cli import friction
 from twin_gait.cli.terminal import DONE
+from twin_gait.configuration.device_file import load_device
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
 from twin_gait.identification.laws import MODELS
 from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
@@ -25,6 +27,11 @@ def call(*arguments: object) -> int:
     friction.add_parser(parser.add_subparsers())
     parsed = parser.parse_args(["identify", *map(str, arguments)])
     return parsed.run(parsed)
+
+
+def bench_leg(device, *settings: str):
+    """Load the leg on its stand with a device."""
+    return load_experiment("bench_leg", [f"device={device}", *settings]).experiment
 
 
 def write_series(path, seed: int, speed: float = 1.5):
@@ -74,15 +81,20 @@ def test_the_document_lists_models_best_first_with_all_that_is_known(identified)
     assert document["method"]["loss"] == "auto" and best["loss"] == "linear"
 
 
-def test_the_parameter_files_are_experiments_with_the_identified_law(identified):
-    best = json.loads((identified[1] / "identification.json").read_text())["models"][0]["parameters"]
-    plant = load_experiment(identified[1] / "plant.yaml").experiment
+def test_the_parameter_files_are_devices_with_the_identified_law(identified):
+    document = json.loads((identified[1] / "identification.json").read_text())
+    best = document["models"][0]["parameters"]
+    assert document["device"] == "twin_leg"
+    plant = bench_leg(identified[1] / "plant.yaml")
     law = plant.plant.friction[JointName.KNEE]
     assert math.isclose(law.coulomb_friction, best["coulomb_friction_Nm"], rel_tol=1e-8)
     assert math.isclose(law.breakaway_velocity, best["breakaway_velocity_rad_per_s"], rel_tol=1e-8)
     assert plant.plant.friction_ratio[JointName.KNEE] == 1.0
     assert plant.plant.friction[JointName.HIP] == HIP_FRICTION
-    model = load_experiment(identified[1] / "compensator.yaml").experiment.control.friction_model
+    device = load_device(str(identified[1] / "plant.yaml"))
+    assert "rotational" in device.source_of("plant.friction.knee.coulomb_friction_Nm")
+    assert device.stated_by("plant.friction.hip.coulomb_friction_Nm") == "twin"
+    model = bench_leg(identified[1] / "compensator.yaml").control.friction_model
     assert model[JointName.KNEE] == law
 
 
@@ -140,11 +152,14 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
         (("--seed", "-1"), ("--seed", "0")),
         (("--joint", "knee", "--lever-m", "-1"), ("lever", "0")),
         (("--joint", "knee", "--start-angle-deg", "nan"), ("start_angle", "-1000")),
+        (("--joint", "ankle"), ("twin_leg.yaml", "plant.actuators.ankle", "hip, knee")),
+        (("--joint", "knee", "--device", "none"), ("device", "none", "twin_ankle")),
+        (("--device", "twin"), ("--device", "--joint")),
     ],
 )
 def test_wrong_options_are_one_line_and_leave_no_folder(tmp_path, extra, message):
     log = write_series(tmp_path / "a.csv", 1)
-    with raises(ParameterError, *message) as error:
+    with raises((ParameterError, ParameterFileError), *message) as error:
         call(log, *extra, "--out", tmp_path / "out")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "out").exists()
@@ -214,7 +229,7 @@ def test_bristles_that_fit_best_are_the_friction_of_a_plant_that_runs(tmp_path, 
     assert "plant.yaml: lugre_asymmetric\ncompensator.yaml: rotational" in printed
     document = json.loads((tmp_path / "out" / "identification.json").read_text())
     assert document["parameter_files"]["plant.yaml"] == document["models"][0]["name"] == "lugre_asymmetric"
-    loaded = load_experiment(tmp_path / "out" / "plant.yaml", ["duration_s=1"]).experiment
+    loaded = bench_leg(tmp_path / "out" / "plant.yaml", "duration_s=1")
     law = loaded.plant.friction[JointName.KNEE]
     assert isinstance(law, LuGreFriction)
     assert law.bristle_stiffness == pytest.approx(1200.0, rel=0.05)
@@ -228,7 +243,7 @@ def test_bristles_that_fit_best_are_the_friction_of_a_plant_that_runs(tmp_path, 
     assert run.status is RunStatus.COMPLETED
     # At the start the bristles are straight, and what is left at rest is the offset.
     assert run.log["right_knee_friction_torque_Nm"].iloc[0] == pytest.approx(-law.offset, rel=1e-9)
-    compensator = load_experiment(tmp_path / "out" / "compensator.yaml").experiment
+    compensator = bench_leg(tmp_path / "out" / "compensator.yaml")
     assert compensator.plant.friction[JointName.KNEE] == KNEE_FRICTION
     assert compensator.control.friction_model[JointName.KNEE] != KNEE_FRICTION
 
@@ -252,3 +267,56 @@ def test_a_law_that_would_drive_the_joint_is_left_out_of_the_parameter_files(tmp
     assert call(log, *COLUMNS, *options) == DONE
     assert states(capsys.readouterr().out, "plant.yaml", "rotational", "asymmetric")
     assert not (tmp_path / "out" / "plant.yaml").exists()
+
+
+def test_motor_and_gear_of_twin_are_those_of_its_file(tmp_path):
+    logs = tmp_path / "campaign"
+    logs.mkdir()
+    for number, (mass, columns) in enumerate(campaign(1, tests=1, duration=2.0)):
+        write_log(logs / f"knee_{mass}kg_{number}.log", columns)
+    fast = ("--model", "coulomb_viscous", "--no-pictures", "--no-cross-validation", "--angles-as-logged")
+    for joint in ("hip", "knee"):
+        out = tmp_path / joint
+        assert call(logs, "--joint", joint, *fast, "--out", out) == DONE
+        bench = json.loads((out / "identification.json").read_text())["method"]["bench"]
+        stated = load_device("twin").sections["plant"]["actuators"][joint]
+        for key in ("torque_constant_Nm_per_A", "rotor_inertia_kgm2", "gear_ratio", "gear_inertia_kgm2"):
+            assert bench["actuator"][key] == stated[key]
+
+
+def test_friction_of_another_device_is_identified_with_its_drive(tmp_path, capsys):
+    """A campaign on the simulated drive of the device, with its friction, gives that friction back."""
+    device, logs, out = write_device(tmp_path, ["knee"]), tmp_path / "logs", tmp_path / "out"
+    parser = argparse.ArgumentParser()
+    friction.add_parser(parser.add_subparsers())
+    words = ["bench", "campaign", "--joint", "knee", "--device", device, "--protocol", "two-way"]
+    parsed = parser.parse_args([*map(str, words), "--out", str(logs)])
+    assert parsed.run(parsed) == DONE
+    settings = json.loads((logs / "campaign.json").read_text())["bench"]
+    assert (settings["actuator"]["gear_ratio"], settings["battery"]["voltage"]) == (30.0, 48.0)
+    assert settings["limits"] == {"torque": 40.0, "current": 30.0}
+    fast = ("--model", "rotational", "--no-pictures", "--no-cross-validation")
+    assert call(logs, "--joint", "knee", "--device", device, *fast, "--out", out) == DONE
+    document = json.loads((out / "identification.json").read_text())
+    assert document["device"] == "device"
+    (model,) = document["models"]
+    for key, true in FRICTION.items():
+        low, high = model["intervals_95"][key]
+        assert low - 0.02 * true <= true <= high + 0.02 * true
+    law = load_device(str(out / "plant.yaml")).parameters()["plant"].friction[JointName.KNEE]
+    assert law.coulomb_friction == pytest.approx(model["parameters"]["coulomb_friction_Nm"])
+    # With the motor of TWIN's knee the same logs do not balance.
+    capsys.readouterr()
+    assert call(logs, "--joint", "knee", *fast, "--out", tmp_path / "wrong") == DONE
+    assert "warning: according to the current" in capsys.readouterr().out
+
+
+def test_a_campaign_on_a_joint_without_drive_is_refused(tmp_path):
+    parser = argparse.ArgumentParser()
+    friction.add_parser(parser.add_subparsers())
+    device = write_device(tmp_path, ["knee"])
+    words = ["bench", "campaign", "--joint", "hip", "--device", str(device), "--out", str(tmp_path / "logs")]
+    parsed = parser.parse_args(words)
+    with raises(ParameterFileError, "device.yaml", "plant.actuators.hip", "knee"):
+        parsed.run(parsed)
+    assert not (tmp_path / "logs").exists()

@@ -17,11 +17,12 @@ from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.export.can import bus_frames, export_can, network_messages, run_frames
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
-from twin_gait.parameters.network import BOARDS
+from twin_gait.parameters.network import BOARDS as KNOWN_BOARDS
 from twin_gait.runs.record import write_run
 from twin_gait.simulation.simulator import simulate
 
 MESSAGES = load_messages()
+BOARDS = KNOWN_BOARDS[:4]
 DATABASE = cantools.database.load_file(shipped_file(PACKAGED_DBC))
 READERS = {"candump": can.CanutilsLogReader, "asc": can.ASCReader}
 # Signal, column behind the board's name, and what the column is to be divided by.

@@ -15,11 +15,12 @@ import cantools
 import numpy as np
 import pytest
 from errors import raises, states
+from own_devices import write_experiment
 
 from twin_gait.cli import main
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
-from twin_gait.export.can import run_frames
+from twin_gait.export.can import network_messages, run_frames
 from twin_gait.files import shipped_file
 from twin_gait.live import can_link
 from twin_gait.live.can_link import CanLink, decode_commands, leaves_machine, open_bus
@@ -73,6 +74,18 @@ def test_every_command_names_a_control_of_the_panel(panel):
     for joint in ("hip", "knee"):
         name = f"right_{joint}_command"
         assert set(decode_commands(MESSAGES[name], bytes(8))) <= set(known)
+
+
+@pytest.mark.parametrize("joints", [("hip",), ("hip", "knee", "ankle")])
+def test_commands_of_another_device_name_the_controls_of_its_joints(tmp_path, joints):
+    experiment = load_experiment(write_experiment(tmp_path, joints)).experiment
+    known = set(controls_of(ControlPanel(experiment)))
+    messages = network_messages(experiment)
+    commands = {name: item for name, item in messages.items() if name.endswith("_command")}
+    assert list(commands) == [f"right_{joint}_command" for joint in joints]
+    for joint, message in zip(joints, commands.values(), strict=True):
+        names = set(decode_commands(message, bytes(8)))
+        assert f"monitor.right.{joint}.torque" in names and names <= known
 
 
 def test_a_signal_without_a_number_requests_no_change():

@@ -6,29 +6,31 @@ import pytest
 
 from twin_gait.core import can_bus
 from twin_gait.core.can_bus import FULL_SCALE, NEVER, NO_INDEX, Bus, advance, draw
-from twin_gait.network.bus import cyclic_messages, new_bus, picoseconds
+from twin_gait.network.bus import cyclic_messages, new_bus, nodes_of, picoseconds
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters.network import BOARDS, NODES, NetworkParameters, OutageKind, parse_outage
+from twin_gait.parameters.network import BOARDS, NetworkParameters, OutageKind, parse_outage
 
 MS, TICK = 10**9, 1e-3
+TWIN = BOARDS[:4]
+NODES = nodes_of(TWIN)
 
 
-def bus_of(network: NetworkParameters, seed: int = 0, boards: tuple[str, ...] = BOARDS) -> Bus:
-    return new_bus(network, cyclic_messages(load_messages(), boards), seed, TICK)
+def bus_of(network: NetworkParameters, seed: int = 0, boards: tuple[str, ...] = TWIN) -> Bus:
+    return new_bus(network, load_messages(), boards, seed, TICK)
 
 
 def test_each_board_has_a_frame_from_the_central_unit_and_one_to_it() -> None:
-    messages, bus = cyclic_messages(load_messages()), bus_of(NetworkParameters())
+    messages, bus = cyclic_messages(load_messages(), TWIN), bus_of(NetworkParameters())
     assert [m.identifier for m in messages] == sorted(m.identifier for m in messages)
     pairs = [(NODES[frame.sender], NODES[frame.receiver]) for frame in bus.frames]
-    expected = {("ccu", board) for board in BOARDS} | {(board, "ccu") for board in BOARDS}
+    expected = {("ccu", board) for board in TWIN} | {(board, "ccu") for board in TWIN}
     assert set(pairs) == expected and len(pairs) == 8
     assert (bus.tick, bus.bit) == (MS, MS // 1000)
     assert {frame.period for frame in bus.frames} == {2 * MS}
 
 
 def test_one_leg_has_half_the_frames() -> None:
-    assert len(bus_of(NetworkParameters(), boards=BOARDS[2:]).frames) == 4
+    assert len(bus_of(NetworkParameters(), boards=TWIN[2:]).frames) == 4
 
 
 def test_frames_have_the_phase_and_drift_of_their_sender() -> None:

@@ -358,7 +358,7 @@ def test_the_summary_has_the_traffic_of_the_bus():
     ("setting", "rule"),
     [
         ("network={bit_rate_kbit_per_s: 500}", "bus_traffic"),
-        ("control.safety.hold_damping_Nms_per_rad=300", "bus_value_range"),
+        ("control.target_torque_Nm.hip=110", "bus_value_range"),
     ],
 )
 def test_check_refuses_values_outside_the_ranges_of_the_bus(setting, rule):

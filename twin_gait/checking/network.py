@@ -8,10 +8,11 @@ from typing import NamedTuple
 from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.core.can_frame import max_frame_bits
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
+from twin_gait.experiment.bus import bus_messages
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
-from twin_gait.network.dbc import load_messages
-from twin_gait.parameters.network import BOARDS, ImpedanceLocation, NetworkParameters
+from twin_gait.parameters.network import ImpedanceLocation, NetworkParameters
 from twin_gait.simulation.simulation_setup import SimulationSetup
 
 # Units of the setpoints, in the order of a row of phases.
@@ -77,20 +78,22 @@ def _settled(start: int, constant: int, frames: Sequence[CyclicFrame], bit: int)
     return time
 
 
-def traffic_of(network: NetworkParameters, boards: Sequence[str] = BOARDS) -> tuple[float, dict[str, float]]:
-    """Compute the largest load of a healthy bus with the frames of some boards, with all possible stuff bits.
+def traffic_of(experiment: Experiment) -> tuple[float, dict[str, float]]:
+    """Compute the largest load of the healthy bus of an experiment, with all possible stuff bits.
 
-    Returns the share of the time in which the bus is in use, and for each frame by its name the longest time
-    in [s] from the instant at which it is due to its arrival; infinite if the bus is full.
+    ``experiment``: experiment with a network. Returns the share of the time in which the bus is in use, and
+    for each frame by its name the longest time in [s] from the instant at which it is due to its arrival;
+    infinite if the bus is full.
     """
-    messages = cyclic_messages(load_messages(network.dbc), boards)
-    bus = new_bus(network, messages, 0, TICK)
+    network, messages = experiment.network or NetworkParameters(), bus_messages(experiment)
+    boards = [f"{side}_{joint}" for side in experiment.leg.legs for joint in experiment.joints]
+    bus = new_bus(network, messages, boards, 0, TICK)
     frames = [
         CyclicFrame(max_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
         for frame in bus.frames
     ]
     times = [math.inf if time is None else 1e-12 * time for time in response_times(frames, bus.bit)]
-    names = [message.name for message in messages]
+    names = [message.name for message in cyclic_messages(messages, boards)]
     return float(bus_load(frames)), dict(zip(names, times, strict=True))
 
 
@@ -103,8 +106,8 @@ def bus_traffic(case: CheckCase) -> Iterator[Finding]:
     """
     if case.experiment is None or case.experiment.network is None:
         return
-    network, legs = case.experiment.network, case.experiment.leg.legs
-    load, times = traffic_of(network, [board for board in BOARDS if board.partition("_")[0] in legs])
+    network = case.experiment.network
+    load, times = traffic_of(case.experiment)
     last = max(times, key=lambda name: times[name])
     reason = (
         f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {len(times)} frames every "
@@ -123,7 +126,7 @@ def bus_value_range(case: CheckCase) -> Iterator[Finding]:
     """Find values of the experiment outside the range of their signal on the bus, which would be clipped."""
     if case.experiment is None or case.experiment.network is None:
         return
-    problem, messages = case.setup, load_messages(case.experiment.network.dbc)
+    problem, messages = case.setup, bus_messages(case.experiment)
     suggestion = "choose a value within the range, or a DBC file with a wider range"
     found: dict[str, str] = {}  # reason by key, because both legs have the same keys
     for number, joint in enumerate(problem.joints):

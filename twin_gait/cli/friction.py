@@ -18,7 +18,11 @@ if TYPE_CHECKING:
     from twin_gait.identification.identify import IdentificationOptions
     from twin_gait.identification.processing import BenchSetup
     from twin_gait.identification.reading import Quantity
+    from twin_gait.parameters.drives import ActuatorParameters
 
+DEFAULT_DEVICE = "twin_leg"  # One leg of TWIN on its stand.
+_JOINT = "hip, knee or ankle; the device must have a drive there"
+_DEVICE = f"device with the drive of --joint: a packaged device, or a YAML file ({DEFAULT_DEVICE})"
 _PROTOCOL = "drops as in the thesis, or motion driven by the motor to ±2.5 rad/s (drop)"
 # Options for the parameters of the bench that recorded the logs, by field of BenchSetup.
 _BENCH = {
@@ -41,7 +45,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("bench", help="simulate the joint test bench", description=about)
     actions = parser.add_subparsers(required=True, parser_class=type(parser), metavar="campaign")
     add = options.add_command(actions, "campaign", run_campaign_command).add_argument
-    add("--joint", choices=("knee", "hip"), required=True, help="joint with motor and friction to simulate")
+    add("--joint", choices=list(JointName), required=True, help=f"joint to simulate: {_JOINT}")
+    add("--device", metavar="NAME", help=_DEVICE)
     add("--out", type=Path, metavar="DIR", required=True, help="folder to write")
     add("--protocol", choices=("drop", "two-way"), default="drop", help=_PROTOCOL)
     add("--seed", **options.SHARED["--seed"])
@@ -55,7 +60,8 @@ def add_parser(commands: Any) -> None:
     text = "units of columns whose names do not state them, such as velocity=deg/s,time=ms (SI)"
     add("--units", default="", metavar="Q=UNIT,…", help=text)
     add("--model", action="append", default=[], metavar="NAME,…", help="friction models to fit (all)")
-    add("--joint", choices=("hip", "knee"), help="joint with the motor and gear of logs with a current")
+    add("--joint", choices=list(JointName), help=f"joint of the logs: {_JOINT}")
+    add("--device", metavar="NAME", help=_DEVICE)
     text = "filter of logs with a current (zero_phase)"
     add("--processing", choices=("zero_phase", "thesis"), default="zero_phase", help=text)
     text = "fit only friction of 0 or more, with break-away friction of at least Coulomb friction"
@@ -76,13 +82,25 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     """Simulate a campaign: five weights, nine tests each.
 
     Simulate a testing campaign and write 45 .log files with the thesis's columns, and campaign.json with the
-    true friction.
+    true friction. With --device, drive, friction, battery, limits and encoder are those of the device.
     """
+    from twin_gait.configuration.device_file import load_device
+    from twin_gait.configuration.validation import convert_with_context
     from twin_gait.simulation.run import RunStatus
-    from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
+    from twin_gait.studies.campaign import Campaign, Protocol, device_campaign, run_campaign
 
-    joint, protocol, out = JointName(arguments.joint), Protocol(arguments.protocol), arguments.out
-    campaign = Campaign(joint=joint, protocol=protocol, seed=arguments.seed)
+    joint, out = JointName(arguments.joint), arguments.out
+    settings: dict[str, Any] = {"protocol": Protocol(arguments.protocol), "seed": arguments.seed}
+    protocol = settings["protocol"]
+    device = load_device(arguments.device or DEFAULT_DEVICE)
+    found = device.parameters_of_drive(joint)
+    if arguments.device is None:
+        campaign = Campaign(joint=joint, **settings)
+    else:
+        parts = found["plant"], found["control"], found["sensors"]
+        campaign = convert_with_context(
+            str(device.path), "", lambda: device_campaign(joint, *parts, **settings)
+        )
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.work_callbacks(str(protocol), "test") as watch:
@@ -100,9 +118,10 @@ def identify(arguments: argparse.Namespace) -> int:
     """Identify the friction of a joint from logs.
 
     Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each file is
-    one test. The command writes identification.json (best model first), parameter files for simulate, and
-    figures.
+    one test. The command writes identification.json (best model first), devices with the identified friction,
+    and figures.
     """
+    from twin_gait.configuration.device_file import load_device
     from twin_gait.identification.identify import identify_logs
     from twin_gait.identification.writing import IDENTIFICATION, PARAMETER_FILES, write_identification
     from twin_gait.report.pages import lines
@@ -115,7 +134,10 @@ def identify(arguments: argparse.Namespace) -> int:
         result = identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
     pictures = not arguments.no_pictures
-    document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
+    device = load_device(arguments.device or DEFAULT_DEVICE)
+    document = write_identification(
+        result, arguments.out, joint, device, force=arguments.force, pictures=pictures
+    )
     output = {**document, "directory": arguments.out}
     answer(arguments, lines("identification.txt", {**output, "laws": PARAMETER_FILES}), output)
     return DONE
@@ -151,10 +173,11 @@ def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
     Raises :class:`ParameterError` if the motor is given only in part and ``--joint`` is missing.
     """
     from twin_gait.identification.processing import BenchSetup
-    from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 
     motor: dict[str, Any] = options.drop_none(**{field: getattr(arguments, field) for field in _MOTOR})
     if arguments.joint is None:
+        if arguments.device is not None:
+            raise ParameterError("--device: needs the joint of the logs; add --joint, or leave --device out")
         if not motor:
             return None
         if missing := [flag for field, (flag, _, _) in _MOTOR.items() if field not in motor]:
@@ -166,10 +189,19 @@ def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
         stated["start_angle"] = None
     if arguments.current_delay_ms is not None:
         stated["current_delay"] = 1e-3 * arguments.current_delay_ms
-    actuator = HIP_ACTUATOR if arguments.joint == "hip" else KNEE_ACTUATOR
     if "rotor_inertia" in motor:
         motor["gear_inertia"] = 0.0  # It is included in the given inertia.
-    return BenchSetup(actuator=replace(actuator, **motor), **stated)
+    return BenchSetup(actuator=replace(_actuator(arguments), **motor), **stated)
+
+
+def _actuator(arguments: argparse.Namespace) -> ActuatorParameters:
+    """Return motor and gear of the joint; without a joint, a motor whose numbers all options replace."""
+    from twin_gait.configuration.device_file import load_device
+
+    device = load_device(arguments.device or DEFAULT_DEVICE)
+    joint = JointName(arguments.joint or JointName.KNEE)
+    actuators: dict[JointName, ActuatorParameters] = device.parameters_of_drive(joint)["plant"].actuators
+    return actuators[joint]
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:

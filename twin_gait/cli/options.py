@@ -28,6 +28,7 @@ _FLAG: dict[str, Any] = {"action": "store_true"}
 _PORT = f"first port to try ({FIRST_PORT}; 0: any)"
 SEED = "seed of every random draw (0)"
 SHARED: dict[str, dict[str, Any]] = {
+    "--force": {**_FLAG, "help": "replace an existing file or folder"},
     "--json": {**_FLAG, "help": "print the result as one JSON document"},  # see terminal.answer
     "--no-pictures": {**_FLAG, "help": "leave out figures and animations"},
     "--unchecked": {**_FLAG, "help": "run a gait table even if 'twin-gait check' finds errors in it"},
@@ -64,7 +65,7 @@ def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentPars
 def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
     """Add ``--out`` and ``--force``."""
     parser.add_argument("--out", type=Path, metavar=metavar, required=required, help=text)
-    parser.add_argument("--force", action="store_true", help="replace an existing file or folder at --out")
+    add(parser, "--force")
 
 
 def add(parser: argparse.ArgumentParser, *flags: str) -> None:

@@ -27,6 +27,7 @@ from twin_gait.configuration.validation import (
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.parameters.drives import SensorParameters
+from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import LegSource
 
 # Sections of a device; of ``plant`` and ``control`` it has these sections inside.
@@ -75,6 +76,16 @@ class Device:
             section = validate(section_of(kind), self.sections.get(key, {}), source, key)
             found[key] = convert_with_context(source, key, section.convert)
         return found
+
+    def parameters_of_drive(self, joint: JointName) -> dict[str, Any]:
+        """Return the parameters of each section; raise ParameterFileError if a joint has no drive."""
+        parameters = self.parameters()
+        driven = parameters["plant"].actuators
+        if joint not in driven:
+            others = f"choose a joint with a drive ({', '.join(driven) or 'none'}), or add one"
+            problem = f"is missing: the device has no drive at the {joint}; {others}"
+            raise ParameterFileError(str(self.path), f"plant.actuators.{joint}", problem)
+        return parameters
 
     def document(self) -> dict[str, Any]:
         """Return the sections with all their values in SI, as in the document of an experiment."""

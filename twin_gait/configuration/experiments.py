@@ -103,12 +103,9 @@ def experiment_from_mapping(
             found["leg"], urdf=gait_table_file.resolve_path(folder, found["leg"].urdf)
         )
         convert_with_context(source, "leg", lambda: find_urdf(leg.urdf))
-    if found.get("network") is not None and (
-        previous is None or found["network"] is not previous.experiment.network
-    ):
-        network = found["network"] = replace(
-            found["network"], dbc=gait_table_file.resolve_path(folder, found["network"].dbc)
-        )
+    given = found.get("network")
+    if given is not None and given.dbc and (previous is None or given is not previous.experiment.network):
+        network = found["network"] = replace(given, dbc=gait_table_file.resolve_path(folder, given.dbc))
         find_dbc(network.dbc)
     urdf, recorded_hash = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
     if recorded_hash is not None and recorded_hash != urdf_hash(find_urdf(urdf)):

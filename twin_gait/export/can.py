@@ -12,13 +12,14 @@ import numpy as np
 from twin_gait.control.safety import SafetyState, TripCause
 from twin_gait.core.can_codec import pack_frame
 from twin_gait.exceptions import MissingOptionalDependency
+from twin_gait.experiment.bus import bus_messages, device_boards
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.signals import TRUNK_PITCH
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages
-from twin_gait.network.dbc import Message, load_messages
-from twin_gait.network.messages import CODES, COUNTS
+from twin_gait.network.dbc import Message
+from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT_SUFFIX, ON_DEMAND, SETPOINT_SUFFIX
 from twin_gait.parameters.network import BOARDS
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
@@ -41,13 +42,13 @@ class BusFrame(NamedTuple):
 def network_messages(experiment: Experiment) -> dict[str, Message]:
     """Return the messages of the network of an experiment, at its cycle.
 
-    Without a network, these are the messages of the packaged file.
+    Without a network, these are the messages that are generated for its device.
     """
-    network = experiment.network
+    network, messages = experiment.network, bus_messages(experiment)
     if network is None:
-        return load_messages()
-    messages = load_messages(network.dbc)
-    cyclic = {item.name: replace(item, cycle=network.cycle) for item in cyclic_messages(messages)}
+        return messages
+    boards = [f"{side}_{joint}" for side, joint in device_boards(experiment.leg, experiment.plant)]
+    cyclic = {item.name: replace(item, cycle=network.cycle) for item in cyclic_messages(messages, boards)}
     return messages | cyclic
 
 
@@ -106,18 +107,19 @@ _MEASUREMENT = {
 def _signal_values(message: Message, rows: Rows, body_weight: float, tripped: str) -> dict[str, Any]:
     """Return the values of the signals by name, without counter and time; empty if no node sends them."""
     board, _, kind = message.name.rpartition("_")
-    if board in BOARDS and (kind == "command" or f"{board}_measured_angle_rad" not in rows):
+    if message.name.endswith(ON_DEMAND) or (board in BOARDS and _angle_column(board) not in rows):
         return {}
-    if kind == "setpoint":
+    if kind == SETPOINT_SUFFIX:
         states = np.array([CODES["state"].index(name) for name in ("run", "hold")])
         return {
             **{name: rows[f"{board}_{column}"] for name, column in _SETPOINT.items()},
             "torque": sum(rows[f"{board}_{name}_torque_Nm"] for name in _FEED_FORWARD_TERMS),
             "state": states[rows["safety_state"].astype(int)],
         }
-    if kind == "measurement":
+    if kind == MEASUREMENT_SUFFIX:
         side, _, joint = board.partition("_")
-        force = rows.get(f"{side}_foot_normal_force_N", 0.0) if joint == JointName.KNEE else 0.0
+        lowest = [name for name in JointName if _angle_column(f"{side}_{name}") in rows][-1]
+        force = rows.get(f"{side}_foot_normal_force_N", 0.0) if joint == lowest else 0.0
         return {
             **{name: rows[f"{board}_{column}"] for name, column in _MEASUREMENT.items()},
             "foot_load": force / body_weight,
@@ -129,6 +131,11 @@ def _signal_values(message: Message, rows: Rows, body_weight: float, tripped: st
         rate = rows.get("trunk_pitch_velocity_rad_per_s", 0.0)
         return {"pitch": rows.get(TRUNK_PITCH.column, 0.0), "pitch_rate": rate}
     return _gait_state(message, rows)
+
+
+def _angle_column(board: str) -> str:
+    """Return the column of the log with the angle that a board measures."""
+    return f"{board}_measured_angle_rad"
 
 
 def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 from twin_gait.control.joint_board import JointSetpoint, Limits, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
+from twin_gait.experiment.bus import bus_messages
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import (
@@ -28,7 +29,7 @@ from twin_gait.firmware.exoskeleton_unit import ExoskeletonUnit, build_exoskelet
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
-from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
+from twin_gait.network.dbc import Message
 from twin_gait.parameters.network import ImpedanceLocation, NetworkParameters
 from twin_gait.simulation.initial_state import build_limits
 from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
@@ -196,6 +197,6 @@ def _codec_sample(messages: list[CanMessage]) -> UnitSample:
 
 def _messages(experiment: Experiment) -> dict[str, Message]:
     try:
-        return load_messages(PACKAGED_DBC if experiment.network is None else experiment.network.dbc)
+        return bus_messages(experiment)
     except MissingOptionalDependency:
         return {}

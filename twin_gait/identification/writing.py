@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
 from twin_gait.configuration.custom_sections import section_of
+from twin_gait.configuration.device_file import Device
 from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.validation import packaged
 from twin_gait.files import to_json_value, write_atomically, write_json
 from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
@@ -36,7 +38,6 @@ from twin_gait.vocabulary import JointName
 DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
-PRESET = "bench_leg"
 # Models that a simulation accepts, with the law whose keys are their parameters.
 PARAMETER_FILES: Mapping[str, Mapping[str, type[FrictionLaw]]] = {
     PLANT_FILE: {
@@ -55,17 +56,18 @@ def write_identification(
     result: Identification,
     target: Path,
     joint: JointName | None,
+    device: Device,
     *,
     force: bool = False,
     pictures: bool = True,
 ) -> dict[str, Any]:
     """Write document, parameter files and figures into a folder, which appears when all are complete.
 
-    ``joint``: joint of the parameter files, or None for no such files; ``force``: replace an existing folder.
-    Returns the document.
+    ``joint``: joint of the parameter files, or None for no such files. ``device``: device that the parameter
+    files extend. ``force``: replace an existing folder. Returns the document.
     """
-    files = {} if joint is None else _parameter_files(result, joint)
-    document: dict[str, Any] = to_json_value(_identification_document(result, joint))
+    files = {} if joint is None else _parameter_files(result, joint, device)
+    document: dict[str, Any] = to_json_value(_identification_document(result, joint, device))
     document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         for file, (_, text) in files.items():
@@ -77,7 +79,9 @@ def write_identification(
     return document
 
 
-def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
+def _identification_document(
+    result: Identification, joint: JointName | None, device: Device
+) -> dict[str, Any]:
     """Convert the result to plain numbers, with SI units in the keys."""
     options, best = result.options, result.models[0]
     order = f"rmse with {best.validations[0].left_out} left out" if math.isfinite(best.rank[0]) else "BIC"
@@ -85,6 +89,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
     return {
         "schema_version": 1,
         "joint": joint,
+        "device": None if joint is None else device.name,
         "models": [_model(item) for item in result.models],
         "skipped": result.skipped,
         "warnings": result.warnings,
@@ -112,7 +117,7 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
     }
 
 
-def _parameter_files(result: Identification, joint: JointName) -> dict[str, tuple[str, str]]:
+def _parameter_files(result: Identification, joint: JointName, device: Device) -> dict[str, tuple[str, str]]:
     """Return model and text of each parameter file: the best supported model that dissipates energy.
 
     The plant supports static laws and bristles, the compensator only the firmware's law.
@@ -124,7 +129,7 @@ def _parameter_files(result: Identification, joint: JointName) -> dict[str, tupl
                 values = item.fit.model.parameters(item.fit.x)
                 with contextlib.suppress(ValueError):  # pydantic's error for a law that would drive the joint
                     law = law_of(entries[item.name], values)
-                    found[file] = (item.name, _parameter_file(file, law, item.name, joint))
+                    found[file] = (item.name, _parameter_file(file, law, item.name, joint, device))
     return found
 
 
@@ -137,18 +142,27 @@ def law_of(kind: type[FrictionLaw], values: dict[str, float]) -> FrictionLaw:
     return law
 
 
-def _parameter_file(file: str, law: FrictionLaw, model: str, joint: JointName) -> str:
-    """Write an experiment with the law in the plant or in the compensator.
+def _parameter_file(file: str, law: FrictionLaw, model: str, joint: JointName, device: Device) -> str:
+    """Write a device with the law in the plant or in the compensator.
 
-    The other joint keeps the law of the preset. A plant that was measured has a friction ratio of 1.
+    It extends the device of the logs, so that everything else is inherited. A plant that was measured has a
+    friction ratio of 1.
     """
     laws = {str(joint): section_of(type(law)).document(law)}
-    section = {"plant": {"friction": laws, "friction_ratio": {str(joint): 1.0}}}
+    section: dict[str, Any] = {"plant": {"friction": laws, "friction_ratio": {str(joint): 1.0}}}
+    keys = [f"plant.friction.{joint}", f"plant.friction_ratio.{joint}"]
     if file == COMPENSATOR_FILE:
-        section = {"control": {"friction_model": laws}}
-    name = f"identified_{joint}_{Path(file).stem}"
-    description = f"Friction of the {joint} by the model {model} of {DOCUMENT_FILE}."
-    return dump_yaml({"preset": PRESET, "name": name, "description": description, **section})
+        section, keys = {"control": {"friction_model": laws}}, [f"control.friction_model.{joint}"]
+    shipped = packaged("devices").get(device.name)
+    is_shipped = shipped is not None and shipped.resolve() == device.path
+    content = {
+        "schema_version": 2,
+        "extends": device.name if is_shipped else str(device.path),
+        "description": f"{device.name} with the friction of the {joint} by the model {model}.",
+        **section,
+        "sources": dict.fromkeys(keys, f"identified by the model {model}, see {DOCUMENT_FILE}"),
+    }
+    return dump_yaml(content)
 
 
 _SHOWN_SAMPLES = 15_000

@@ -1,8 +1,8 @@
-"""Read the layout of all messages from a DBC file, with cantools."""
+"""Read the layout of all messages of a device from a DBC file, with cantools."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.core.can_codec import HALF_BITS, SignalLayout
 from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
 from twin_gait.files import read_bytes, shipped_file
-from twin_gait.network.messages import CODES, MESSAGES, ON_DEMAND
+from twin_gait.network.messages import CODES, ON_DEMAND, SETPOINT_SUFFIX, Signal, message_designs
+from twin_gait.parameters.network import BOARDS
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as DbcMessage
@@ -28,7 +29,7 @@ class Message:
     identifier: int  # Identifier of 11 bits; the lowest pending one is sent first.
     length: int  # Length in bytes.
     cycle: float  # Period in [s]; 0 for a message that is sent on demand.
-    # Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
+    # Layouts by name, in the order of :mod:`~twin_gait.network.messages`.
     signals: Mapping[str, SignalLayout]
     # Codes by the names of their values, for signals that have a table of values.
     codes: Mapping[str, Mapping[str, int]]
@@ -58,40 +59,67 @@ def find_dbc(path_or_name: str | Path) -> Path:
     return found
 
 
-def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]:
-    """Read all messages of the device from a DBC file.
+def load_messages(
+    path_or_name: str | Path = PACKAGED_DBC, boards: Collection[str] | None = None
+) -> dict[str, Message]:
+    """Read the messages of a device from a DBC file.
 
-    ``path_or_name``: path of a file, or the name of the one that ships. Returns messages by name, all of
-    :data:`~twin_gait.network.messages.MESSAGES`; other messages of the file are ignored. Raises
-    ParameterFileError if a message or a signal is missing, or if the codec does not support its layout.
-    Raises MissingOptionalDependency if cantools is not installed.
+    Args:
+        path_or_name: Path of a file, or the name of the one that ships.
+        boards: Boards whose messages are read; None for all boards with a setpoint in the file.
+
+    Returns:
+        Messages by name, the lowest identifier of :mod:`~twin_gait.network.messages` first. Other messages of
+        the file are ignored.
+
+    Raises:
+        ParameterFileError: If a message or a signal is missing, or if the codec does not support its layout.
+        MissingOptionalDependency: If cantools is not installed.
     """
     path = find_dbc(path_or_name)
-    found = {item.name: item for item in _messages_of(path)}
-    for name in MESSAGES:
-        _require(name in found, path, name, "there is no such message; the packaged file has all of them")
-    return {name: _message(path, found[name], units) for name, units in MESSAGES.items()}
+    try:
+        text = read_bytes(path).decode("cp1252", errors="replace")  # cantools uses this encoding, too.
+    except OSError as error:
+        raise ParameterFileError(path, "", f"is not a DBC file ({error})") from error
+    return parse_messages(text, path, boards)
 
 
-def _messages_of(path: Path) -> Iterable[DbcMessage]:
+def parse_messages(
+    text: str, source: str | Path, boards: Collection[str] | None = None
+) -> dict[str, Message]:
+    """Read the messages of a device from the text of a DBC file, see :func:`load_messages`.
+
+    ``source``: path or name for messages.
+    """
+    path = Path(source)
+    found = {item.name: item for item in _messages_of(text, path)}
+    if boards is None:
+        boards = [board for board in BOARDS if f"{board}_{SETPOINT_SUFFIX}" in found]
+    designs = message_designs(boards)
+    for name in designs:
+        problem = "there is no such message; add it, or leave network.dbc out for a generated layout"
+        _require(name in found, path, name, problem)
+    return {name: _message(path, found[name], design.signals) for name, design in designs.items()}
+
+
+def _messages_of(text: str, path: Path) -> Iterable[DbcMessage]:
     try:
         import cantools
     except ImportError as error:
         raise MissingOptionalDependency("cantools", "can", "the CAN network") from error
     try:
-        text = read_bytes(path).decode("cp1252", errors="replace")  # cantools uses this encoding, too.
         database = cantools.database.load_string(text, database_format="dbc")
-    except (OSError, UnicodeDecodeError, cantools.Error) as error:
+    except (UnicodeDecodeError, cantools.Error) as error:
         raise ParameterFileError(path, "", f"is not a DBC file ({error})") from error
     return database.messages  # type: ignore[union-attr]  # A DBC file has no diagnostics.
 
 
-def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
+def _message(path: Path, item: DbcMessage, design: Mapping[str, Signal]) -> Message:
     short = not item.is_extended_frame and not item.is_fd and item.length <= 8
     _require(short, path, item.name, "expected an identifier of 11 bits and 8 bytes at most")
     _require(item.cycle_time or item.name.endswith(ON_DEMAND), path, item.name, "expected a GenMsgCycleTime")
     known, codes = {signal.name: signal for signal in item.signals}, dict[str, dict[str, int]]()
-    for name, unit in units.items():
+    for name, unit in ((name, signal.unit) for name, signal in design.items()):
         key = f"{item.name}.{name}"
         _require(name in known, path, key, f"there is no such signal; expected one of {', '.join(known)}")
         has = known[name].unit or ""
@@ -104,7 +132,7 @@ def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
         identifier=item.frame_id,
         length=item.length,
         cycle=(item.cycle_time or 0) * 1e-3,
-        signals={name: _signal(path, item.name, known[name]) for name in units},
+        signals={name: _signal(path, item.name, known[name]) for name in design},
         codes=codes,
     )
 

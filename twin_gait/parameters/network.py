@@ -13,10 +13,15 @@ from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import CodedEnum, JointName, Side
 
 CCU = "ccu"  # The central control unit.
-BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # The DBC file has the frames of TWIN's boards.
-# Names of the boards, one for each joint, such as `left_hip`.
-BOARDS = tuple(f"{side}_{joint}" for side in Side for joint in BOARD_JOINTS)
-NODES = (CCU, *BOARDS)  # All nodes of the bus.
+# Names of the boards that a device may have, one for each joint. The position of a board is its number on the
+# bus, which determines the identifiers of its messages in every device; ankles follow hips and knees.
+BOARDS = tuple(
+    f"{side}_{joint}"
+    for joints in ((JointName.HIP, JointName.KNEE), (JointName.ANKLE,))
+    for side in Side
+    for joint in joints
+)
+NODES = (CCU, *BOARDS)  # All nodes that a bus may have.
 
 BIT_RATES = quantities.Range(10e3, 1e6, words="10000 to 1e+06 bit/s, the range of CAN 2.0")
 CYCLES = quantities.Range(1e-3, 0.1, words="0.001 to 0.1 s")  # The shortest one is a tick of the boards.
@@ -97,9 +102,10 @@ class NetworkParameters(quantities.Parameters):
     All values except the cycle are assumptions; the defaults are a healthy bus.
 
     Attributes:
-        bit_rate: Bit rate in [bit/s]. The eight frames of a cycle of 2 ms take half of 1 Mbit/s, the
-            maximum of CAN 2.0, and more than 500 kbit/s.
-        dbc: File with the layout of the frames, or name of the one that ships.
+        bit_rate: Bit rate in [bit/s]. The eight frames of four boards in a cycle of 2 ms take half of
+            1 Mbit/s, the maximum of CAN 2.0, and more than 500 kbit/s.
+        dbc: File with the layout of the frames, or ``twin.dbc``, which is part of the package; empty for the
+            layout that is generated for the boards and limits of the device.
         cycle: Period of setpoints and measurements in [s].
         phase: Delay of the cycle of a board relative to that of the central unit in [s], by its name.
         clock_drift: Relative error of the clock of a board, positive if it is fast, by its name; 1e-6 is a
@@ -119,7 +125,7 @@ class NetworkParameters(quantities.Parameters):
     """
 
     bit_rate: Annotated[quantities.BitRate, BIT_RATES] = 1e6
-    dbc: str = "twin.dbc"
+    dbc: str = ""
     cycle: Annotated[quantities.Time, CYCLES] = 2e-3
     phase: Annotated[Mapping[str, quantities.ShortTime], quantities.AllowedKeys(BOARDS)] = field(
         default_factory=dict
@@ -152,12 +158,10 @@ class NetworkParameters(quantities.Parameters):
 
         Every named board has to exist, and every outage has to begin before the end of the run.
         """
-        boards, controlled = (", ".join(names) for names in (BOARD_JOINTS, joints))
-        expected = f"a gait table for {boards}, whose boards are on the bus, or network: ideal"
-        require(tuple(joints) == BOARD_JOINTS, "network", expected, controlled)
-        there = (CCU, *(board for board in BOARDS if board.partition("_")[0] in sides))
-        for board in (*self.phase, *self.clock_drift):
-            require(board in there, "network phase and clock_drift", f"of {', '.join(there[1:])}", board)
+        there = (CCU, *(f"{side}_{joint}" for side in sides for joint in joints))
+        for key in ("phase", "clock_drift"):
+            for board in getattr(self, key):
+                require(board in there, f"network {key}", f"boards {', '.join(there[1:])}", board)
         for outage in self.outages:
             name, nodes = f"network outage {outage}", f"a node of {', '.join(there)}"
             require(outage.node is None or outage.node in there, name, nodes, outage.node)

@@ -44,7 +44,7 @@ def stored_file(section: str, path: Path, folder: str = FILES_FOLDER) -> StoredF
 def referenced_files(experiment: Experiment) -> list[StoredFile]:
     """Return the files that an experiment names."""
     files = [stored_file("leg", find_urdf(experiment.leg.urdf))]
-    if experiment.network is not None:
+    if experiment.network is not None and experiment.network.dbc:
         files.append(stored_file("network", find_dbc(experiment.network.dbc)))
     return files
 

@@ -13,8 +13,8 @@ from twin_gait.control.safety import Trip, TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.network.bus import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX
-from twin_gait.parameters.network import NODES
+from twin_gait.network.bus import nodes_of
+from twin_gait.network.messages import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX
 from twin_gait.simulation.episode import COMPLETED, CRUTCH_LOST, DIVERGED, FELL, TIPPED, Switch
 from twin_gait.simulation.log import LogArrays, log_layout
 from twin_gait.simulation.record import dtype_of
@@ -189,6 +189,7 @@ class EpisodeEngine(ABC):
                     "max_response_s": _BUS_UNIT * int(frame.worst_response),
                 }
         totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
-        bus_offs = {name: int(node.bus_offs) for name, node in zip(NODES, bus.nodes, strict=True)}
+        nodes = nodes_of([f"{joint.side}_{joint.joint}" for joint in self.setup.joints])
+        bus_offs = {name: int(node.bus_offs) for name, node in zip(nodes, bus.nodes, strict=True)}
         load = float(bus.busy) / (ticks * float(bus.tick))  # share of the time in which the bus is busy
         return {"bus_load": load, **totals, "bus_offs": bus_offs, "frames": frames}

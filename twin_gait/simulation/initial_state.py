@@ -18,12 +18,13 @@ from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.own_gait import OwnGait, OwnJoint, OwnLeg
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.safety import Bounds
+from twin_gait.experiment.bus import bus_messages
 from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import KernelBodies, body_values
-from twin_gait.network.bus import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX, cyclic_messages, new_bus
-from twin_gait.network.dbc import load_messages
+from twin_gait.network.bus import cyclic_messages, new_bus
+from twin_gait.network.messages import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX
 from twin_gait.parameters.network import NetworkParameters
 from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation import episode
@@ -339,7 +340,7 @@ def _bounds(setup: SimulationSetup, number: int) -> Bounds:
 
 def _network(setup: SimulationSetup, parameters: NetworkParameters) -> episode.Network:
     boards = [f"{joint.side}_{joint.joint}" for joint in setup.joints]
-    messages = load_messages(parameters.dbc)
+    messages = bus_messages(setup.experiment)
     frames, delay = cyclic_messages(messages, boards), setup.bus_delay
     capacity = (delay // _DELAY_PADDING + 1) * _DELAY_PADDING
 
@@ -352,7 +353,7 @@ def _network(setup: SimulationSetup, parameters: NetworkParameters) -> episode.N
         ]
 
     return episode.Network(
-        bus=new_bus(parameters, frames, setup.experiment.seed, TICK),
+        bus=new_bus(parameters, messages, boards, setup.experiment.seed, TICK),
         delay=delay,
         setpoints=channels(SETPOINT_SUFFIX),
         measurements=channels(MEASUREMENT_SUFFIX),

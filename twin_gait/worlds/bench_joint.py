@@ -223,11 +223,21 @@ class Torsion(quantities.Parameters):
 BENCH_ACTUATORS = {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
 # Friction of the joints on the bench, table 3.1 of the thesis.
 BENCH_FRICTION = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
-# Inductance L of the 24 V winding from the data sheet. The inductance of the 36 V winding scales with the
-# square of K_t, as its resistance does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
+KNEE_INDUCTANCE = 0.264e-3  # Inductance L of the 24 V winding in [H], data sheet.
+
+
+def winding_inductance(actuator: ActuatorParameters) -> float:
+    r"""Compute the inductance of a motor in [H], as of another winding of the motor of the knee.
+
+    :math:`L = L_{24\,V} (K_t / K_{t,\,24\,V})^2`, as the resistance of windings of one motor; for a motor of
+    another type this is an assumption, which affects only the current loop.
+    """
+    return KNEE_INDUCTANCE * (actuator.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2
+
+
+# Inductance of the joints on the bench: 0.264 mH for the knee, 0.264 (0.109/0.0705)² = 0.63 mH for the hip.
 BENCH_INDUCTANCE: Mapping[JointName, float] = {
-    JointName.KNEE: 0.264e-3,
-    JointName.HIP: 0.264e-3 * (HIP_ACTUATOR.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2,
+    joint: winding_inductance(actuator) for joint, actuator in BENCH_ACTUATORS.items()
 }
 
 

@@ -1,9 +1,9 @@
 """Steps of the network: messages between boards, soles and gait controller, immediate or over the bus.
 
 Over the bus the gait controller receives measurements, and the boards receive setpoints. Both use the values
-received last, rounded to the resolution of the frames. Load sensors are connected to the boards of the knees,
-the sensor of the bus voltage to the gait controller. At the start the gait controller has the angles of the
-legs; a board that has not received a setpoint yet commands no torque.
+received last, rounded to the resolution of the frames. Load sensors are connected to the lowest board of each
+leg, the sensor of the bus voltage to the gait controller. At the start the gait controller has the angles of
+the legs; a board that has not received a setpoint yet commands no torque.
 """
 
 from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, check_board_timeout, receive_load, trip
