@@ -15,9 +15,9 @@ from twin_gait.configuration.device_file import PARTS, Device, list_devices, loa
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.identity import identify_parts
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment.device import ControlParameters, PlantParameters
-from twin_gait.parameters.drives import ActuatorParameters, LimitParameters, SensorParameters
+from twin_gait.parameters.drives import ActuatorParameters, LimitParameters
 from twin_gait.report.device_page import SPEED_SHARES, describe_device, torque_curve
+from twin_gait.vocabulary import JointName
 
 COMPLETE = sorted(set(list_devices()) - {"ideal"})  # a base without legs and drives
 DRIVE = {
@@ -123,7 +123,9 @@ def test_device_replaces_that_of_a_preset_as_a_whole(tmp_path: Path) -> None:
     experiment = load_experiment("overground", [f"device={path}"]).experiment
     assert experiment.device.name == "low_voltage"
     assert experiment.plant.battery.voltage == 24.0
-    assert experiment.control.limits.torque == 60.0  # of TWIN, not the 80 N·m of the preset's device
+    assert (
+        experiment.control.limits[JointName.HIP].torque == 60.0
+    )  # of TWIN, not the 80 N·m of the preset's device
     assert experiment.plant.ankle.relative_stiffness == 0.0
     assert identify_parts(experiment)["device"].label.startswith("low_voltage (")
 
@@ -132,7 +134,7 @@ def test_device_is_found_next_to_the_experiment_that_names_it(tmp_path: Path) ->
     write(tmp_path / "own.yaml", extends="twin", control={"limits": {"torque_Nm": 50}})
     write(tmp_path / "walk.yaml", preset="treadmill", device="own.yaml", plant={"battery": {"voltage_V": 26}})
     experiment = load_experiment(tmp_path / "walk.yaml").experiment
-    assert experiment.control.limits.torque == 50.0
+    assert experiment.control.limits[JointName.HIP].torque == 50.0
     assert experiment.plant.battery.voltage == 26.0  # the experiment overrides its device
 
 
@@ -154,7 +156,7 @@ def test_resolved_document_keeps_its_numbers_and_takes_another_device(tmp_path: 
     path.write_text(yaml.safe_dump(loaded.document), encoding="utf-8")
     again = load_experiment(path)
     assert again.experiment == loaded.experiment
-    assert load_experiment(path, ["device=twin"]).experiment.control.limits.torque == 60.0
+    assert load_experiment(path, ["device=twin"]).experiment.control.limits[JointName.HIP].torque == 60.0
 
 
 def test_torque_curve_follows_torque_current_and_voltage() -> None:
@@ -185,13 +187,3 @@ def test_edited_device_is_read_again(tmp_path: Path) -> None:
     for voltage in (24.0, 26.0):
         path = write(tmp_path / "mine.yaml", extends="twin", plant={"battery": {"voltage_V": voltage}})
         assert load_experiment("treadmill", [f"device={path}"]).experiment.plant.battery.voltage == voltage
-
-
-def test_defaults_in_python_are_the_numbers_of_the_leg_on_its_stand() -> None:
-    device = load_device("twin_leg").parameters()
-    plant, control = PlantParameters(), ControlParameters()
-    assert device["plant"] == plant
-    assert device["sensors"] == SensorParameters()
-    assert [getattr(device["control"], part) for part in PARTS["control"]] == [
-        getattr(control, part) for part in PARTS["control"]
-    ]

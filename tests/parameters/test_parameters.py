@@ -17,7 +17,6 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError, Para
 from twin_gait.gait.table import Transition
 from twin_gait.identification.processing import BenchSetup
 from twin_gait.parameters.drives import (
-    HARD_TORQUE_LIMIT,
     HIP_ACTUATOR,
     KNEE_ACTUATOR,
     ActuatorParameters,
@@ -57,7 +56,6 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (ElectronicsParameters, "regeneration", -0.1),
     (ElectronicsParameters, "regeneration", 1.1),
     (LimitParameters, "torque", 0.0),
-    (LimitParameters, "torque", HARD_TORQUE_LIMIT + 0.1),
     (LimitParameters, "current", 0.0),
     (SensorParameters, "encoder_counts", 0),
     (SensorParameters, "angle_noise", -1e-6),
@@ -98,6 +96,7 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
 ]
 REQUIRED: dict[Any, dict[str, Any]] = {
     ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3},
+    LimitParameters: {"torque": 60.0, "current": 15.0},
     CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
     DriveParameters: {"inductance": 1e-3},
     BenchSetup: {"actuator": KNEE_ACTUATOR},
@@ -173,7 +172,6 @@ def test_battery_is_the_pack_of_the_thesis() -> None:
     battery = BatteryParameters()
     assert battery.voltage == 28.8
     assert_allclose(battery.energy, 331_920.0, rtol=1e-12)
-    assert LimitParameters().current == 15.0
 
 
 def test_mass_of_the_wearer_is_limited_by_the_device() -> None:

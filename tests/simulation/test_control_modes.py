@@ -162,7 +162,7 @@ def test_followed_path_closes_and_stays_between_its_ends():
 
 def test_motor_can_accelerate_its_rotor_along_the_followed_knee_and_not_along_the_healthy_one():
     config = experiment("control.mode=position")
-    available = config.control.limits.torque / KNEE_ACTUATOR.armature
+    available = config.control.limits[JointName.KNEE].torque / KNEE_ACTUATOR.armature
     followed = reference_path(config)
     healthy = reference_path(experiment())
     assert accelerations(followed.angles, followed.cycle_ticks)[1] < 0.8 * available

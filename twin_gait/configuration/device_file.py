@@ -25,8 +25,9 @@ from twin_gait.configuration.validation import (
     validate,
 )
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment.device import ControlParameters, PlantParameters
+from twin_gait.experiment.device import ControlParameters, PlantParameters, check_limits
 from twin_gait.parameters.drives import SensorParameters
+from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import LegSource
 
 # Sections of a device; of ``plant`` and ``control`` it has these sections inside.
@@ -74,6 +75,7 @@ class Device:
         for key, kind in SECTIONS.items():
             section = validate(section_of(kind), self.sections.get(key, {}), source, key)
             found[key] = convert_with_context(source, key, section.convert)
+        convert_with_context(source, "", lambda: check_limits(found["control"].limits, found["plant"]))
         return found
 
     def document(self) -> dict[str, Any]:
@@ -84,13 +86,19 @@ class Device:
         """Return the name of the device that states a value, by its key in any unit; empty if none does."""
         if key in self.origins:
             return self.origins[key]
+        return self._stated_by(key) or self._stated_by(_for_all_joints(key))
+
+    def _stated_by(self, key: str) -> str:
         quantity = quantity_of(key)
         return next((name for own, name in self.origins.items() if quantity_of(own) == quantity), "")
 
     def source_of(self, key: str) -> str:
         """Return the stated source of a number by its key, with or without unit; empty if there is none."""
+        keys = (key, _for_all_joints(key))
         covering = [
-            known for known in self.sources if key == known or key.startswith((f"{known}.", f"{known}_"))
+            known
+            for known in self.sources
+            if known in keys or any(item.startswith((f"{known}.", f"{known}_")) for item in keys)
         ]
         return self.sources[max(covering, key=len)] if covering else ""
 
@@ -181,6 +189,11 @@ def _without_null(mapping: Mapping[str, Any]) -> dict[str, Any]:
         for key, value in mapping.items()
         if value is not None
     }
+
+
+def _for_all_joints(key: str) -> str:
+    """Return the key at which a file gives a value of a joint for all joints at once."""
+    return ".".join(part for part in key.split(".") if part not in list(JointName))
 
 
 def _require_complete(device: Device) -> None:

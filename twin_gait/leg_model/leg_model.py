@@ -122,6 +122,10 @@ class LegModel:
         index = self.index(side, joint)
         return float(self.model.lowerPositionLimit[index]), float(self.model.upperPositionLimit[index])
 
+    def velocity_limit(self, side: Side, joint: JointName) -> float:
+        """Return the velocity limit of a joint from the URDF in [rad/s], infinite if the file states none."""
+        return float(self.model.velocityLimit[self.index(side, joint)]) or math.inf
+
     def effort_limit(self, side: Side, joint: JointName) -> float:
         """Return the effort limit of a joint from the URDF in [N·m], infinite if the file states none."""
         return float(self.model.effortLimit[self.index(side, joint)]) or math.inf

@@ -31,6 +31,10 @@ class ActuatorParameters(quantities.Parameters):
             joint's torque that the motor receives when it is back-driven
             (:func:`twin_gait.core.friction.gear_loss_torque`). 0.5 to 1; 1 is no such loss.
         continuous_torque: Torque that the motor can hold, before the gear's losses, in [N·m].
+        peak_torque: Repeated peak torque of the gear in [N·m], the ceiling of the joint's torque limit; None
+            if it is not known.
+        peak_current: Largest current of motor and inverter in [A], from which the ceiling follows without a
+            peak torque; None if it is not known.
     """
 
     torque_constant: Annotated[quantities.TorqueConstant, quantities.POSITIVE]
@@ -43,11 +47,25 @@ class ActuatorParameters(quantities.Parameters):
     gear_efficiency: Annotated[quantities.Ratio, EFFICIENCIES] = 1.0
     # Nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7.
     continuous_torque: Annotated[quantities.Torque, quantities.POSITIVE] = 43.0
+    peak_torque: Annotated[quantities.Torque | None, quantities.POSITIVE] = None
+    peak_current: Annotated[quantities.Current | None, quantities.POSITIVE] = None
 
     @property
     def armature(self) -> float:
         """Inertia of rotor and wave generator seen at the joint, in [kg·m²]."""
         return (self.rotor_inertia + self.gear_inertia) * self.gear_ratio * self.gear_ratio
+
+    def torque_ceiling(self, voltage: float) -> float:
+        r"""Return the highest torque limit that the drive allows, in [N·m].
+
+        This is the repeated peak torque of the gear, if it is stated. Otherwise the drive limits the torque:
+        :math:`K_t\,\tau\,\eta\,I` with the peak current, or without one with the current
+        :math:`U / R` of the standing motor at a voltage in [V].
+        """
+        if self.peak_torque is not None:
+            return self.peak_torque
+        current = voltage / self.resistance if self.peak_current is None else self.peak_current
+        return self.torque_constant * self.gear_ratio * self.gear_efficiency * current
 
 
 # maxon EC 90 flat, 24 V winding 323772: K_t and R from the data sheet.
@@ -103,27 +121,31 @@ class ElectronicsParameters(quantities.Parameters):
     regeneration: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
 
-HARD_TORQUE_LIMIT = 100.0  # Torque in [N·m] just below the repeated peak torque of the gear (110 N·m).
-TORQUE_RANGE = quantities.Range(
-    0.0,
-    HARD_TORQUE_LIMIT,
-    exclusive_minimum=True,
-    words=f"above 0 and at most {HARD_TORQUE_LIMIT:g} N·m, the limit of the gear",
-)
-
-
 @dataclass(frozen=True, kw_only=True)
 class LimitParameters(quantities.Parameters):
-    """Limits of the command.
+    """Limits of a joint. The torque that its motor can hold is ``continuous_torque`` of the drive.
 
     Attributes:
-        torque: Limit of the motor torque at the joint in [N·m], at most ``HARD_TORQUE_LIMIT``.
+        torque: Limit of the motor torque at the joint in [N·m], at most the ceiling of the drive
+            (:meth:`ActuatorParameters.torque_ceiling`).
         current: Limit of the motor current in [A].
+        highest_speed: Highest joint speed in [rad/s], at most that of the URDF; None for that of the URDF.
+        lowest_angle: Lowest joint angle in [rad], not below that of the URDF; None for that of the URDF.
+        highest_angle: Highest joint angle in [rad], not above that of the URDF; None for that of the URDF.
     """
 
-    torque: Annotated[quantities.Torque, TORQUE_RANGE] = 60.0
-    # The battery's continuous current, thesis 2.2.1.
-    current: Annotated[quantities.Current, quantities.POSITIVE] = 15.0
+    torque: Annotated[quantities.Torque, quantities.POSITIVE]
+    current: Annotated[quantities.Current, quantities.POSITIVE]
+    highest_speed: Annotated[quantities.AngularVelocity | None, quantities.POSITIVE] = None
+    lowest_angle: quantities.Angle | None = None
+    highest_angle: quantities.Angle | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the lowest angle is below the highest one."""
+        super().__post_init__()
+        if self.lowest_angle is not None and self.highest_angle is not None:
+            below = f"below highest_angle, {self.highest_angle:g} rad"
+            require(self.lowest_angle < self.highest_angle, "lowest_angle", below, self.lowest_angle)
 
 
 # Calibration by eye leaves 1 to 3 deg, either way (an assumption).
@@ -234,15 +256,16 @@ LOWERINGS = quantities.Range(0.0, 60.0, exclusive_minimum=True, reason="a longer
 class SafetyParameters(quantities.Parameters):
     """Bounds of the safety monitor, and the hold after a trip.
 
-    Joint range and highest speed are those of the URDF, torque and current limits those of
-    :class:`LimitParameters`, the continuous current follows from the motor's continuous torque. A value
-    without a named source is an assumption, chosen so that the shipped gaits stay away from it by half.
+    Joint range, highest speed, torque and current are those of :class:`LimitParameters`, the continuous
+    current follows from the motor's continuous torque. A value without a named source is an assumption,
+    chosen so that the shipped gaits stay away from it by half.
 
     Attributes:
         enabled: Whether the monitor is on.
         stopping_deceleration: Deceleration with which a joint can be braked, in [rad/s²], for the stop
             distance: the limit of 60 N·m on the hip with the leg of a wearer, about 6 kg·m².
-        speed_share: Highest joint speed over that of the URDF, which is the motor's no-load speed.
+        speed_share: Highest joint speed over the speed limit of the joint, which is that of the URDF unless
+            ``control.limits`` states one.
         angle_step: Largest plausible change of an encoder in a tick in [rad]: 20 rad/s, five times the
             no-load speed.
         frozen_time: Time in [s] after which an encoder counts as frozen if its reading does not change at all
@@ -255,8 +278,7 @@ class SafetyParameters(quantities.Parameters):
         highest_command: Largest plausible command in [N·m].
         command_deviation: Largest filtered deviation in [N·m] of the command from the torque that the
             setpoint of the joint gives for the measurement of the next tick. In normal operation it is
-            reached when the spring and damper torque changes by 200 N·m, twice the hard torque limit, within
-            a tick.
+            reached when the spring and damper torque changes by 200 N·m within a tick.
         command_time_constant: Time constant of the filter of that deviation in [s].
         current_share: Measured current over the current limit above which the monitor trips at once.
         thermal_time_constant: Thermal time constant of the winding in [s] (maxon EC 90 flat data sheet).

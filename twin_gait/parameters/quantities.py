@@ -79,6 +79,13 @@ class AllEntries:
     """Mark of a mapping that a file gives as a whole: entries that it leaves out do not exist."""
 
 
+class CommonValues:
+    """Mark of a mapping whose entries are sections, and whose values a file may give for all entries at once.
+
+    ``{torque_Nm: 60, current_A: 15, hip: {torque_Nm: 40}}``: the value of an entry replaces the common one.
+    """
+
+
 @dataclass(frozen=True)
 class UnitInKeys:
     """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, not of the field's key."""

@@ -197,7 +197,7 @@ def replay_log(
         if walking is not None:
             speed, height = speed or walking.speed, None if patient is None else patient.height
     if mass is not None:
-        recording = replace(recording, body_weight=mass * PlantParameters().gravity)
+        recording = replace(recording, body_weight=mass * PlantParameters.gravity)
     return replay(recording, scale_table(chosen, carried_mass=None, speed=speed, height=height))
 
 

@@ -268,7 +268,7 @@ class BenchJoint(quantities.Parameters):
     torsion: Torsion | None = None
     sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
     inertial_unit: InertialUnit | None = None
-    limits: LimitParameters = field(default_factory=LimitParameters)
+    limits: LimitParameters = field(default_factory=lambda: LimitParameters(torque=60.0, current=15.0))
     imposed_motion: ImposedMotionParameters | None = None
     start_angle: Annotated[quantities.Angle, BENCH_STOPS] = HORIZONTAL
     start_velocity: quantities.AngularVelocity = 0.0
