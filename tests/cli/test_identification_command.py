@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from errors import raises, states
 from friction_bench import KNEE, campaign, rotational, write_log
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.cli import friction
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
 from twin_gait.identification.laws import MODELS
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
+from twin_gait.parameters.friction import LuGreFriction
 from twin_gait.vocabulary import JointName
 
 

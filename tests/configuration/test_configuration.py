@@ -12,6 +12,7 @@ import pytest
 import yaml
 from errors import raises
 from numpy.testing import assert_allclose
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 import twin_gait
 from twin_gait import load_experiment, presets, simulate
@@ -24,7 +25,7 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction
+from twin_gait.parameters.friction import AsymmetricFriction, LuGreFriction
 from twin_gait.vocabulary import JointName
 
 

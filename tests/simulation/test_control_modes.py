@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from errors import raises
 from numpy.testing import assert_allclose, assert_array_equal
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
@@ -23,7 +24,6 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
-from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName, Outcome, Side
 

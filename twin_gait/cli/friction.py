@@ -41,7 +41,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("bench", help="simulate the joint test bench", description=about)
     actions = parser.add_subparsers(required=True, parser_class=type(parser), metavar="campaign")
     add = options.add_command(actions, "campaign", run_campaign_command).add_argument
-    add("--joint", choices=("knee", "hip"), required=True, help="joint with motor and friction to simulate")
+    add("--joint", choices=tuple(JointName), required=True, help="joint with motor and friction to simulate")
+    add("--device", default=None, metavar="NAME", help="device with the joint, NAME or YAML file (twin_leg)")
     add("--out", type=Path, metavar="DIR", required=True, help="folder to write")
     add("--protocol", choices=("drop", "two-way"), default="drop", help=_PROTOCOL)
     add("--seed", **options.SHARED["--seed"])
@@ -82,7 +83,8 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
 
     joint, protocol, out = JointName(arguments.joint), Protocol(arguments.protocol), arguments.out
-    campaign = Campaign(joint=joint, protocol=protocol, seed=arguments.seed)
+    device = options.drop_none(device=arguments.device)
+    campaign = Campaign(joint=joint, protocol=protocol, seed=arguments.seed, **device)
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.work_callbacks(str(protocol), "test") as watch:
@@ -150,8 +152,8 @@ def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
 
     Raises :class:`ParameterError` if the motor is given only in part and ``--joint`` is missing.
     """
+    from twin_gait.configuration.bench_device import BENCH_ACTUATORS
     from twin_gait.identification.processing import BenchSetup
-    from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 
     motor: dict[str, Any] = options.drop_none(**{field: getattr(arguments, field) for field in _MOTOR})
     if arguments.joint is None:
@@ -166,7 +168,7 @@ def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
         stated["start_angle"] = None
     if arguments.current_delay_ms is not None:
         stated["current_delay"] = 1e-3 * arguments.current_delay_ms
-    actuator = HIP_ACTUATOR if arguments.joint == "hip" else KNEE_ACTUATOR
+    actuator = BENCH_ACTUATORS[arguments.joint or "knee"]
     if "rotor_inertia" in motor:
         motor["gear_inertia"] = 0.0  # It is included in the given inertia.
     return BenchSetup(actuator=replace(actuator, **motor), **stated)

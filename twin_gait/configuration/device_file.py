@@ -41,6 +41,7 @@ PARTS = {
     "plant": ("actuators", "friction", "friction_ratio", "battery", "electronics", "stops", "ankle"),
     "control": ("friction_model", "limits", "safety"),
 }
+_MISSING = "is missing"  # end of the message about a number that has no default
 BASES = "extends: twin, or extends: ideal for a base without friction and losses"
 
 
@@ -198,11 +199,16 @@ def _for_all_joints(key: str) -> str:
 
 def _require_complete(device: Device) -> None:
     """Raise ParameterFileError if a device does not state a number of its sections."""
-    numbers = (path for path, value in _leaves(device.document()) if _is_number(value))
-    missing = [path for path in numbers if not device.stated_by(path)]
+    try:
+        numbers = [path for path, value in _leaves(device.document()) if _is_number(value)]
+        missing = [path for path in numbers if not device.stated_by(path)]
+    except ParameterFileError as error:
+        if not error.problem.endswith(_MISSING):
+            raise
+        missing = [f"{error.key}.{error.problem.removesuffix(_MISSING).strip(' :')}".strip(".")]
     if missing:
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        problem = f"is missing{more}; state it, or begin the file with {BASES}"
+        problem = f"{_MISSING}{more}; state it, or begin the file with {BASES}"
         raise ParameterFileError(str(device.path), missing[0], problem)
 
 

@@ -223,9 +223,10 @@ def _optional(about: Any) -> Any:
 
 
 class _WithCommonValues(Strict):
-    """Mapping of sections that accepts values for all of them: see :class:`.quantities.CommonValues`.
+    """Mapping of sections that accepts values for all of them.
 
-    An entry that is not named exists if the common values alone are complete.
+    See :class:`~twin_gait.parameters.quantities.CommonValues`. An entry that is not named exists if the
+    common values alone are complete.
     """
 
     section: ClassVar[Any]  # section of an entry

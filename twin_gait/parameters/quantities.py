@@ -138,6 +138,9 @@ Frequency = Annotated[
 HertzStiffness = Annotated[
     float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel compressed by 1 mm under 316 N"))
 ]
+Inductance = Annotated[
+    float, QuantityUnits("H", symmetric_range(0.1, "a hundred times the inductance of the motors"))
+]
 Inertia = Annotated[float, QuantityUnits("kgm2", symmetric_range(10.0, "a straight leg about its hip has 6"))]
 Length = Annotated[float, QuantityUnits("m", symmetric_range(3.0, "more than a person with raised arms"))]
 LinearDamping = Annotated[
