@@ -81,6 +81,14 @@ def belt_carries_note(summary: Mapping[str, Any]) -> str:
     return f"The belt drives this walk: it drags the feet backwards against {force} at the pelvis."
 
 
+def extrapolation_note(summary: Mapping[str, Any]) -> str:
+    """Return sentences about the wearer if the model is extrapolated; otherwise an empty string.
+
+    ``summary``: summary of a run; those of earlier versions lack the notes.
+    """
+    return str((summary.get("patient") or {}).get("notes", ""))
+
+
 def unstable_step_note(summary: Mapping[str, Any]) -> str:
     """Return a sentence if the energy balance shows that the step was too large; otherwise an empty string.
 

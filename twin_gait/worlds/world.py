@@ -22,8 +22,10 @@ from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.environment import ContactParameters
 from twin_gait.parameters.quantities import (
+    POSITIVE,
     Angle,
     Inline,
+    Mass,
     Parameters,
     UnitInKeys,
     declarations,
@@ -43,12 +45,15 @@ class LegSource(Parameters):
         legs: Joint names per side.
         fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
+        heaviest_wearer: Largest mass of the wearers for whom the device is made, in [kg]; None if it is not
+            known. A heavier wearer is simulated, with a note.
     """
 
     urdf: str = "twin.urdf"
     legs: Annotated[Mapping[Side, LegJoints], Inline()] = field(default_factory=dict)
     fit_device: bool = True
     up_axis: Literal["y", "z"] = "z"
+    heaviest_wearer: Annotated[Mass | None, POSITIVE] = None
 
     def __post_init__(self) -> None:
         """Check that there is at least one leg."""
