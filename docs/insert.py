@@ -35,7 +35,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args
@@ -149,7 +149,9 @@ def keys(section: str) -> list[dict[str, Any]]:
         found.append(
             {
                 "key": f"`{first}`{units}",
-                "default": _default(item.default),
+                "default": _value_of_twin(section, item.name)
+                if item.default is dataclasses.MISSING
+                else _default(item.default),
                 "range": re.sub("^a (whole )?number (of |from )?", "", item.range.expected)
                 if number and item.range
                 else "",
@@ -166,6 +168,21 @@ def _default(value: Any) -> str:
         return "never" if math.isinf(value) else f"{value:.6g}"
     plain = isinstance(value, (int, str)) and value is not dataclasses.MISSING
     return str(value) if plain else ""
+
+
+def _value_of_twin(section: str, name: str) -> str:
+    """Return the value of the device ``twin`` for a field without a default; empty if its joints differ."""
+    from twin_gait.configuration.device_file import SECTIONS, load_device
+
+    path = section.split(".")
+    if path[0] not in SECTIONS or ":" in section:
+        return ""
+    found: list[Any] = [load_device("twin").parameters()[path[0]]]
+    for step in (*path[1:], name):
+        found = [getattr(item, step, None) for item in found]
+        found = [one for item in found for one in (item.values() if isinstance(item, Mapping) else (item,))]
+    value = _default(found[0]) if found and all(item == found[0] for item in found) else ""
+    return f"{value} in `twin`" if value else ""
 
 
 def _section(path: str) -> Any:

@@ -59,7 +59,10 @@ if __name__ == "__main__":
         {
             "outcomes": outcomes.to_dict("records"),
             "held": count_invariants(table),
-            "limits": {"torque_Nm": limits.torque, "current_A": limits.current},
+            "limits": {
+                joint: {"torque_Nm": limits[joint].torque, "current_A": limits[joint].current}
+                for joint in experiment.joints
+            },
             "safety": asdict(safety),
             "reaction_ms": {str(cause): 1e3 * stated_reaction(cause, safety) for cause in TripCause},
         }

@@ -25,21 +25,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from twin_gait import Experiment, GaitPhase, JointName, Run, load_experiment, simulate
+from twin_gait.configuration.bench_device import BENCH_FRICTION
 from twin_gait.core.friction import friction_torque, steady_deflection
 from twin_gait.palette import BLUE, GREY, ORANGE
-from twin_gait.parameters.friction import (
-    HIP_FRICTION,
-    KNEE_FRICTION,
-    FrictionLaw,
-    FrictionParameters,
-    LuGreFriction,
-)
+from twin_gait.parameters.friction import FrictionLaw, FrictionParameters, LuGreFriction
 from twin_gait.report.canvas import put_legend, save, style_panel
 
 SLIDES_AFTER = math.radians(0.1)  # [rad], deflection of the bristles under Coulomb friction; an assumption
 BREAKAWAY_RATIO, STRIBECK_VELOCITY = 1.4, 0.05  # assumptions
 DAMPING = 0.03  # [s], σ1 / σ0; an assumption
-TABLE = {JointName.HIP: HIP_FRICTION.normalised(), JointName.KNEE: KNEE_FRICTION.normalised()}
+TABLE = {joint: law.normalised() for joint, law in BENCH_FRICTION.items()}
 STATIC, LUGRE = "static law (3.1)", "LuGre"
 COLOURS = {STATIC: ORANGE, LUGRE: BLUE}
 DEGREE = math.pi / 180.0

@@ -26,13 +26,13 @@ import pandas as pd
 from gallery import read_options
 
 from twin_gait import JointName
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.identification.identify import IdentificationOptions, identify_tests
 from twin_gait.identification.processing import BenchSetup, Processing, process_log
 from twin_gait.identification.reading import Log, Quantity
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.studies.campaign import Campaign, Protocol, planned_tests
 from twin_gait.studies.jobs import run_jobs
-from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 LAW = "rotational"
 PROCESSINGS = (Processing.ZERO_PHASE, Processing.THESIS)

@@ -12,10 +12,10 @@ import pytest
 from example_robots import twin_joints
 from hypothesis import HealthCheck, settings
 from tested_copy import copies_in_use, describe_mismatch
+from twin_device import HIP_ACTUATOR, KNEE_ACTUATOR
 
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 

@@ -121,7 +121,10 @@ class Controller:
         experiment = problem.experiment
         self._problem = problem
         self._sensors, self._gain = experiment.sensors, problem.fast_gain
-        self._limits, self._battery = experiment.control.limits, experiment.plant.battery
+        limits = [experiment.control.limits[joint.joint] for joint in problem.joints]
+        self._torque_limit = np.array([item.torque for item in limits])
+        self._current_limit = np.array([item.current for item in limits])
+        self._battery = experiment.plant.battery
         self._index = np.array([joint.coordinate for joint in problem.joints])
         self._control_index = np.array([joint.control_coordinate for joint in problem.joints])
         models = [experiment.control.friction_model[joint.joint] for joint in problem.joints]
@@ -237,8 +240,8 @@ class Controller:
         return np.asarray(np.repeat(self._blended[:, -1], self._problem.joints_per_leg) * torque)
 
     def _drive(self, command: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        limited = np.clip(command, -self._limits.torque, self._limits.torque)
-        current = np.clip(limited / self._constant, -self._limits.current, self._limits.current)
+        limited = np.clip(command, -self._torque_limit, self._torque_limit)
+        current = np.clip(limited / self._constant, -self._current_limit, self._current_limit)
         back_emf = self._constant * velocity
         current = np.clip(
             current,

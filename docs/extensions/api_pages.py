@@ -17,6 +17,8 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "twin_gait.checking.hanging_leg": ("friction_slope", "linear_loops"),
     "twin_gait.checking.linear_loop": ("LinearLoop", "spectral_radius", "transition_matrix"),
     "twin_gait.checking.network": ("traffic_of",),
+    "twin_gait.configuration.bench_device": ("BENCH_ACTUATORS", "BENCH_FRICTION", "bench_joint"),
+    "twin_gait.configuration.device_file": ("load_device",),
     "twin_gait.configuration.documents": ("dump_yaml",),
     "twin_gait.configuration.experiments": ("list_patients",),
     "twin_gait.configuration.gait_table_file": ("load_mode_table",),
@@ -40,7 +42,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
         "VERMILLION",
     ),
     "twin_gait.parameters.friction": (
-        "HIP_FRICTION", "KNEE_FRICTION", "FrictionLaw", "FrictionParameters", "LuGreFriction",
+        "FrictionLaw", "FrictionParameters", "LuGreFriction",
     ),
     "twin_gait.parameters.quantities": ("NOT_NEGATIVE", "Key", "RotaryDamping"),
     "twin_gait.parameters.ranges": ("require",),
@@ -62,9 +64,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "twin_gait.testing.cases": ("transition_tests",),
     "twin_gait.vocabulary": ("PelvisGuide",),
     "twin_gait.worlds.bench_control": ("TorqueControl",),
-    "twin_gait.worlds.bench_joint": (
-        "BENCH_ACTUATORS", "BENCH_FRICTION", "BenchJoint", "LinkParameters", "bench_joint",
-    ),
+    "twin_gait.worlds.bench_joint": ("BenchJoint", "LinkParameters"),
     "twin_gait.worlds.bench_leg": ("BenchLeg", "ImposedMotionParameters"),
     "twin_gait.worlds.faults": ("Fault", "FaultKind"),
     "twin_gait.worlds.world": ("Posture", "Scenario", "World", "start_posture"),

@@ -12,7 +12,9 @@ import numpy as np
 
 from twin_gait import Sex
 from twin_gait.parameters.quantities import require
-from twin_gait.parameters.wearer import HEAVIEST_WEARER, Patient
+from twin_gait.parameters.wearer import Patient
+
+HEAVIEST_WEARER = 110.0  # [kg], the heaviest wearer of TWIN (thesis, table 2.1)
 
 HIGHEST_SHARE = 0.95  # 5th to 95th percentile (thesis, table 2.1)
 _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)

@@ -246,7 +246,7 @@ class Search:
         square, effort = (ca.sum1((item * item) @ moments) / joints for item in (error, torques))
         self._limited = self._limits(then, start, later, moments)
         self.unknowns = ca.vertcat(start, ca.vec(later), ca.vec(ends))
-        most = min(experiment.control.limits.torque, *(_most_torque(self.problem, k) for k in range(joints)))
+        most = min(_most_torque(self.problem, k) for k in range(joints))
         self._bound = np.concatenate([np.full(2 * n * (m + 1), np.inf), np.full(ends.numel(), most)])
         self._equal = np.zeros(sum(item.numel() for item in equal))
         constraints = ca.vertcat(*equal, *(ca.vec(item) for item, *_ in self._limited))
@@ -388,11 +388,10 @@ def _mirror(problem: SimulationSetup) -> tuple[list[int], list[int]]:
 
 
 def _most_torque(problem: SimulationSetup, number: int) -> float:
-    """Return the torque of a motor at its current limit."""
-    motor = problem.actuator(problem.joints[number])
-    return current_to_torque(
-        problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
-    )
+    """Return the largest torque of a motor within its limits of torque and current."""
+    joint = problem.joints[number]
+    motor, limits = problem.actuator(joint), problem.experiment.control.limits[joint.joint]
+    return min(limits.torque, current_to_torque(limits.current, motor.torque_constant, motor.gear_ratio))
 
 
 def plant_of(problem: SimulationSetup) -> Any:

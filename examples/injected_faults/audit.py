@@ -14,7 +14,7 @@ from injected_faults.deviation import deviations, filtered
 
 from twin_gait import JointName, Run, Side
 from twin_gait.control.safety import Trip, TripCause
-from twin_gait.parameters.drives import ActuatorParameters, SafetyParameters
+from twin_gait.parameters.drives import ActuatorParameters, LimitParameters, SafetyParameters
 from twin_gait.studies.fault_campaign import fault_row
 
 TICK = 1e-3  # [s]
@@ -215,9 +215,17 @@ def _leaves_range(angles: Values, run: Run, trip: Trip) -> Values:
     velocity = _column(run, trip.side, trip.joint, "velocity_fast_rad_per_s")
     distance = velocity**2 / (2.0 * _settings(run).stopping_deceleration)
     stop = angles + np.sign(velocity) * distance
-    lower, upper = run.experiment.build_control_model().position_limits(trip.side, trip.joint)
+    experiment = run.experiment
+    model = experiment.build_control_model()
+    lower, upper = experiment.control.joint_range(model, trip.side, trip.joint)
     mask: Values = (stop < lower) | (stop > upper)
     return mask
+
+
+def _limits(run: Run, trip: Trip) -> LimitParameters:
+    """Return the limits of the joint that tripped."""
+    assert trip.joint is not None
+    return run.experiment.control.limits[trip.joint]
 
 
 def _resistance(run: Run, motor: ActuatorParameters) -> float:
@@ -227,8 +235,8 @@ def _resistance(run: Run, motor: ActuatorParameters) -> float:
 
 def _too_fast(velocity: Values, run: Run, trip: Trip) -> Values:
     assert trip.side is not None and trip.joint is not None
-    model = run.experiment.build_control_model()
-    limit = float(model.model.velocityLimit[model.index(trip.side, trip.joint)])
+    experiment = run.experiment
+    limit = experiment.control.highest_speed(experiment.build_control_model(), trip.side, trip.joint)
     mask: Values = np.abs(velocity) > _settings(run).speed_share * limit
     return mask
 
@@ -293,12 +301,12 @@ _BREACHES: dict[TripCause, Callable[[Run, Trip], Values]] = {
     TripCause.JOINT_RANGE: _of_joint("measured_angle_rad", _leaves_range),
     TripCause.TORQUE: _of_joint(
         "motor_command_torque_Nm",
-        lambda command, run, trip: np.abs(command) > run.experiment.control.limits.torque,
+        lambda command, run, trip: np.abs(command) > _limits(run, trip).torque,
     ),
     TripCause.CURRENT: _of_joint(
         "measured_current_A",
         lambda current, run, trip: (
-            np.abs(current) > _settings(run).current_share * run.experiment.control.limits.current
+            np.abs(current) > _settings(run).current_share * _limits(run, trip).current
         ),
     ),
     TripCause.WINDING_HEAT: _of_joint("measured_current_A", _too_hot),

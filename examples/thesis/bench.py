@@ -14,17 +14,11 @@ import numpy as np
 
 from twin_gait import JointName
 from twin_gait.checking.hanging_leg import friction_torque
+from twin_gait.configuration.bench_device import BENCH_FRICTION, bench_joint
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.loop import BenchRun
 from twin_gait.worlds.bench_control import TorqueControl
-from twin_gait.worlds.bench_joint import (
-    BENCH_FRICTION,
-    BenchFriction,
-    BenchJoint,
-    CurrentLoop,
-    LinkParameters,
-    bench_joint,
-)
+from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, CurrentLoop, LinkParameters
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 SEED = 1  # of everything that chance decides, in all scripts

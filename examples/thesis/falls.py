@@ -12,20 +12,14 @@ import numpy as np
 from thesis.bench import KNEE, SEED
 from thesis.friction import DEVIATIONS, FACTOR, WINDOW, table_values
 
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS, bench_joint
 from twin_gait.identification.processing import BenchSetup
 from twin_gait.identification.signals import moving_average
 from twin_gait.simulation.bench_joint.episode import BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.studies.campaign import Campaign, PlannedTest, planned_tests
 from twin_gait.worlds.bench_control import TRANSPARENCY_STEPS, DutyControl
-from twin_gait.worlds.bench_joint import (
-    BENCH_ACTUATORS,
-    HORIZONTAL,
-    STOP_ANGLE,
-    BenchJoint,
-    LoadAngle,
-    bench_joint,
-)
+from twin_gait.worlds.bench_joint import HORIZONTAL, STOP_ANGLE, BenchJoint, LoadAngle
 
 BENCH = bench_joint(KNEE)
 MASSES = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3

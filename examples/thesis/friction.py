@@ -17,6 +17,7 @@ from thesis.bench import KNEE, SEED
 from thesis.claims import number_text
 
 from twin_gait import JointName
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.gait.table import TICK
 from twin_gait.identification.fitting import FitOptions, Loss
@@ -26,7 +27,6 @@ from twin_gait.identification.processing import RATE, WINDOW, BenchSetup, Proces
 from twin_gait.identification.reading import Log, read_log
 from twin_gait.identification.statistics import Goodness, goodness
 from twin_gait.studies.campaign import SPREAD, TWO_WAY_PERIOD, Campaign, Protocol, planned_tests, run_campaign
-from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 HIP = JointName.HIP
 JOINTS = (KNEE, HIP)

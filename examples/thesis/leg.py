@@ -30,10 +30,10 @@ from twin_gait import (
 )
 from twin_gait.checking.hanging_leg import linear_loops
 from twin_gait.checking.linear_loop import LinearLoop, spectral_radius, transition_matrix
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.gait.table import JointImpedance, PhaseParameters
 from twin_gait.leg_model.joints import LegJoints
-from twin_gait.worlds.bench_joint import BENCH_ACTUATORS
 from twin_gait.worlds.bench_leg import BenchLeg
 
 

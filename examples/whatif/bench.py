@@ -17,6 +17,7 @@ from whatif.endings import Ending, classify
 from twin_gait import JointName, RunStatus
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
+from twin_gait.configuration.bench_device import BENCH_FRICTION, bench_joint
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.drives import SensorParameters
@@ -24,7 +25,6 @@ from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.worlds.bench_control import TorqueControl
 from twin_gait.worlds.bench_joint import (
-    BENCH_FRICTION,
     BENCH_INDUCTANCE,
     HORIZONTAL,
     BenchFriction,
@@ -32,7 +32,6 @@ from twin_gait.worlds.bench_joint import (
     CurrentLoop,
     DriveParameters,
     LinkParameters,
-    bench_joint,
 )
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 

@@ -38,8 +38,8 @@ from whatif.endings import Ending
 
 from twin_gait.checking.linear_loop import spectral_radius, transition_matrix
 from twin_gait.checking.stability import largest_stable
+from twin_gait.configuration.bench_device import BENCH_SENSORS
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.worlds.bench_control import CosinePath
@@ -98,7 +98,7 @@ def bench_of(setting: Setting) -> BenchJoint:
     decimation, window = setting.filter
     bench = knee(
         setting.load,
-        sensors=SensorParameters(ideal=False, decimation=decimation, window=window),
+        sensors=replace(BENCH_SENSORS, decimation=decimation, window=window),
         friction=BenchFriction(law=true_law(setting.law, setting.ratio), coulomb_per_load=setting.load_share),
     )
     reference = setting.compensation is Compensation.REFERENCE

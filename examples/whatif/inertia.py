@@ -33,9 +33,10 @@ from whatif.bench import (
 
 from twin_gait.checking.hanging_leg import friction_slope
 from twin_gait.checking.stability import largest_stable
+from twin_gait.configuration.bench_device import BENCH_SENSORS
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.drives import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, SensorParameters
+from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, InertialSensor, InertialUnit, Torsion
@@ -94,19 +95,20 @@ def bench_of(setting: Setting, friction: FrictionParameters, **control: float) -
 
 
 def sensors_of(setting: Setting) -> SensorParameters:
-    firmware = SensorParameters()
+    firmware = BENCH_SENSORS
     filtered = setting.time_constant if setting.source is Source.ENCODER else firmware.fast_time_constant
     if setting.noise == 0.0:
-        return SensorParameters(ideal=True, fast_time_constant=filtered)
+        return replace(firmware, ideal=True, fast_time_constant=filtered)
     counts = round(firmware.encoder_counts / setting.noise)
-    return SensorParameters(ideal=False, fast_time_constant=filtered, encoder_counts=counts)
+    return replace(firmware, fast_time_constant=filtered, encoder_counts=counts)
 
 
 def unit_of(setting: Setting) -> InertialUnit | None:
     if setting.source is Source.ENCODER:
         return None
     sensor = SENSORS[setting.source]
-    sample = GYROSCOPE_NOISE if sensor is InertialSensor.GYROSCOPE else ACCELEROMETER_NOISE  # at 1 kHz
+    unit, gyroscope = BENCH_SENSORS.trunk, sensor is InertialSensor.GYROSCOPE
+    sample = unit.gyroscope_noise if gyroscope else unit.accelerometer_noise  # at 1 kHz
     noise = setting.noise * sample
     return InertialUnit(sensor=sensor, noise=noise, delay=setting.delay, time_constant=setting.time_constant)
 

@@ -29,7 +29,6 @@ from whatif.bench import (
 from whatif.endings import Ending
 
 from twin_gait.core.motor_drive import drive_efficiency
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, CatalogueEfficiency
 
@@ -94,7 +93,7 @@ def true_law(condition: Condition) -> FrictionParameters:
 def bench_in(case: Case, spring: float = 0.0) -> BenchJoint:
     """Return the bench in a condition with its compensator and a spring in [N·m/rad], without a hand."""
     condition = case.condition
-    bench = knee(condition.load, friction=friction_in(condition), sensors=SensorParameters(ideal=False))
+    bench = knee(condition.load, friction=friction_in(condition))
     control = controlled(
         identified_law(case.identified_at),
         friction_compensation_gain=case.gain,

@@ -10,6 +10,7 @@ import pytest
 from errors import states
 from scipy.integrate import solve_ivp
 from table_builder import FIVE_PHASES
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking import published_ranges, stability, stuck_phases, torques
@@ -28,7 +29,6 @@ from twin_gait.checking.torques import release_speed
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.gait.guards import parse_guard
 from twin_gait.gait.table import Blending, BlendingLaw, DrivenBy, GaitTable, Transition
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_leg import BenchLeg
 

@@ -12,6 +12,7 @@ import pytest
 from loop_stability import UNDECIDED, Case, linear_run_is_unstable, predicted_radius
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.hanging_leg import (
@@ -34,7 +35,7 @@ from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
+from twin_gait.parameters.friction import LuGreFriction
 
 MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
 GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N·m/rad]

@@ -11,6 +11,7 @@ import pytest
 from errors import raises, states
 from friction_bench import KNEE, campaign, rotational, write_log
 from own_devices import FRICTION, write_device
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.cli import friction
@@ -18,7 +19,7 @@ from twin_gait.cli.terminal import DONE
 from twin_gait.configuration.device_file import load_device
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
 from twin_gait.identification.laws import MODELS
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
+from twin_gait.parameters.friction import LuGreFriction
 from twin_gait.vocabulary import JointName
 
 

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from errors import raises
 from numpy.testing import assert_allclose
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 import twin_gait
 from twin_gait import load_experiment, presets, simulate
@@ -24,7 +25,7 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction
+from twin_gait.parameters.friction import AsymmetricFriction, LuGreFriction
 from twin_gait.vocabulary import JointName
 
 
@@ -188,7 +189,7 @@ BAD_SETTINGS = {
     "voltage=24": "did you mean 'plant.battery.voltage_V'",
     "sead=1": "did you mean 'seed'",
     "patient.mass=3": "did you mean 'mass_kg'",
-    "patient.mass_kg=-3": "30 to 110 kg",
+    "patient.mass_kg=-3": "10 to 160 kg",
     "patient.mass_kg=heavy": "expected a number",
     "patient.mass_kg=true": "expected a number",
     "patient.height_m=3": "1.464 to 1.951 m",
@@ -228,7 +229,7 @@ BAD_SETTINGS = {
     "leg.urdf=no.urdf": "no such URDF",
     "integration.step_ms=0.3": "whole number of steps",
     "integration.method=magic": "rk4",
-    "control.limits.torque_Nm=150": "at most 100",
+    "control.limits.torque_Nm=150": "control.limits.hip.torque_Nm: expected at most 110",
     "engine=warp": "pinocchio",
     "seed=-1": "seed",
     "name=a/b": "a name without slashes",
@@ -404,7 +405,7 @@ def test_the_last_of_two_settings_with_the_same_key_counts():
 @pytest.mark.parametrize(
     ("key", "outside"),
     [
-        ("patient.mass_kg", 29),
+        ("patient.mass_kg", 9),
         ("patient.height_m", 1.46),
         ("patient.height_m", 3),
         ("patient.effort_delay_s", 2),

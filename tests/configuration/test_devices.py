@@ -1,23 +1,30 @@
 """Devices as files: extension, completeness, exchange in an experiment, and the page of a device."""
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 import yaml
 from errors import raises
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait import load_experiment, presets
 from twin_gait.cli.program import main
+from twin_gait.configuration.bench_device import bench_joint
 from twin_gait.configuration.device_file import PARTS, Device, list_devices, load_device
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.identity import identify_parts
-from twin_gait.exceptions import ParameterFileError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.device import ControlParameters, PlantParameters
-from twin_gait.parameters.drives import ActuatorParameters, LimitParameters, SensorParameters
+from twin_gait.parameters.drives import LimitParameters, SensorParameters
+from twin_gait.parameters.quantities import Parameters, declarations
 from twin_gait.report.device_page import SPEED_SHARES, describe_device, torque_curve
+from twin_gait.studies.campaign import Campaign
+from twin_gait.vocabulary import JointName
 
 COMPLETE = sorted(set(list_devices()) - {"ideal"})  # a base without legs and drives
 DRIVE = {
@@ -123,7 +130,9 @@ def test_device_replaces_that_of_a_preset_as_a_whole(tmp_path: Path) -> None:
     experiment = load_experiment("overground", [f"device={path}"]).experiment
     assert experiment.device.name == "low_voltage"
     assert experiment.plant.battery.voltage == 24.0
-    assert experiment.control.limits.torque == 60.0  # of TWIN, not the 80 N·m of the preset's device
+    assert (
+        experiment.control.limits[JointName.HIP].torque == 60.0
+    )  # of TWIN, not the 80 N·m of the preset's device
     assert experiment.plant.ankle.relative_stiffness == 0.0
     assert identify_parts(experiment)["device"].label.startswith("low_voltage (")
 
@@ -132,7 +141,7 @@ def test_device_is_found_next_to_the_experiment_that_names_it(tmp_path: Path) ->
     write(tmp_path / "own.yaml", extends="twin", control={"limits": {"torque_Nm": 50}})
     write(tmp_path / "walk.yaml", preset="treadmill", device="own.yaml", plant={"battery": {"voltage_V": 26}})
     experiment = load_experiment(tmp_path / "walk.yaml").experiment
-    assert experiment.control.limits.torque == 50.0
+    assert experiment.control.limits[JointName.HIP].torque == 50.0
     assert experiment.plant.battery.voltage == 26.0  # the experiment overrides its device
 
 
@@ -154,11 +163,11 @@ def test_resolved_document_keeps_its_numbers_and_takes_another_device(tmp_path: 
     path.write_text(yaml.safe_dump(loaded.document), encoding="utf-8")
     again = load_experiment(path)
     assert again.experiment == loaded.experiment
-    assert load_experiment(path, ["device=twin"]).experiment.control.limits.torque == 60.0
+    assert load_experiment(path, ["device=twin"]).experiment.control.limits[JointName.HIP].torque == 60.0
 
 
 def test_torque_curve_follows_torque_current_and_voltage() -> None:
-    drive = ActuatorParameters(torque_constant=0.1, resistance=0.5, gear_ratio=10.0)
+    drive = replace(KNEE_ACTUATOR, torque_constant=0.1, resistance=0.5, gear_ratio=10.0)
     voltage, limits = 20.0, LimitParameters(torque=25.0, current=30.0)
     fastest = voltage / (0.1 * 10.0)
     by_hand = [min(25.0, 30.0, (voltage - share * fastest) / 0.5) for share in SPEED_SHARES]
@@ -187,11 +196,45 @@ def test_edited_device_is_read_again(tmp_path: Path) -> None:
         assert load_experiment("treadmill", [f"device={path}"]).experiment.plant.battery.voltage == voltage
 
 
-def test_defaults_in_python_are_the_numbers_of_the_leg_on_its_stand() -> None:
-    device = load_device("twin_leg").parameters()
-    plant, control = PlantParameters(), ControlParameters()
-    assert device["plant"] == plant
-    assert device["sensors"] == SensorParameters()
-    assert [getattr(device["control"], part) for part in PARTS["control"]] == [
-        getattr(control, part) for part in PARTS["control"]
-    ]
+def numbers_with_defaults(kind: Any) -> Iterator[str]:
+    """Yield the numbers in the parameters of a device that have a default other than None."""
+    for item in declarations(kind):
+        hints = (item.kind, *get_args(item.kind))
+        inner = [one for one in hints if isinstance(one, type) and issubclass(one, Parameters)]
+        for one in inner:
+            yield from (f"{item.name}.{name}" for name in numbers_with_defaults(one))
+        number = isinstance(item.default, int | float) and not isinstance(item.default, bool)
+        if number or (isinstance(item.default, Parameters) and inner):
+            yield item.name
+
+
+def test_no_number_of_a_device_has_a_default_in_python() -> None:
+    """Parts of control that are no part of a device, and the gravity of the world, have defaults."""
+    found = {
+        (kind.__name__, name)
+        for kind in (PlantParameters, ControlParameters, SensorParameters)
+        for name in numbers_with_defaults(kind)
+        if kind is not ControlParameters or name.partition(".")[0] in PARTS["control"]
+    }
+    assert found == {("PlantParameters", "gravity")}
+
+
+def test_bench_of_a_joint_has_the_numbers_of_its_device(tmp_path: Path) -> None:
+    drive = {**DRIVE, "inductance_H": 1e-4, "peak_torque_Nm": 18}
+    path = write(
+        tmp_path / "other.yaml",
+        extends="twin",
+        plant={"actuators": {"knee": drive}, "friction": {"knee": FRICTION}, "battery": {"voltage_V": 48}},
+        control={"limits": {"knee": {"torque_Nm": 12}}},
+    )
+    bench = bench_joint(JointName.KNEE, str(path))
+    assert (bench.actuator.gear_ratio, bench.drive.inductance) == (9.0, 1e-4)
+    assert (bench.battery.voltage, bench.limits.torque) == (48.0, 12.0)
+    assert bench.friction.law.viscous_friction == 0.05 and not bench.sensors.ideal
+    assert Campaign(joint=JointName.KNEE, device=str(path)).plain_bench().friction.ripple == 0.3
+    with raises(ParameterError, "ankle", "hip, knee"):
+        bench_joint(JointName.ANKLE, str(path))
+    silent = write(tmp_path / "silent.yaml", extends="twin", plant={"actuators": {"ankle": DRIVE}, "friction":
+                   {"ankle": FRICTION}, "friction_ratio": {"ankle": 1}})  # fmt: skip
+    with raises(ParameterError, "ankle.inductance_H"):
+        bench_joint(JointName.ANKLE, str(silent))

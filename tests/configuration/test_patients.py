@@ -226,7 +226,7 @@ def test_named_person_replaces_another_completely(file):
     ("text", "message"),
     [
         ("both: {knee: {pasive: 1}}", ("mine.yaml", "both.knee.pasive", "passive")),
-        ("mass_kg: 200", ("mine.yaml", "mass_kg", "30", "110 kg")),
+        ("mass_kg: 200", ("mine.yaml", "mass_kg", "10", "160 kg")),
         ("left: {hip: {effort: 3}}", ("mine.yaml", "left.hip.effort", "0", "1")),
         ("{effort_delay_ms: 5, effort_delay_s: 1}", ("mine.yaml", "line 1", "effort_delay_ms")),
         ("[1, 2]", ("mine.yaml",)),

@@ -9,6 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
+from twin_device import HIP_ACTUATOR, KNEE_ACTUATOR
 
 from twin_gait.core.actuator import (
     Motor,
@@ -21,7 +22,6 @@ from twin_gait.core.actuator import (
     voltage_limited_current,
 )
 from twin_gait.core.control_tick import drive_motor, target_current
-from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 
 # maxon EC 90 flat, 24 V winding: K_t = 0.0705 Nm/A, R = 0.343 Ω; CSD-25 gear, 100:1.
 K_T, R, RATIO = 0.0705, 0.343, 100.0

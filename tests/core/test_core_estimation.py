@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from twin_device import SENSORS
 
 from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import (
@@ -23,7 +25,6 @@ from twin_gait.parameters.drives import SensorParameters
 
 ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements below
 TICK = 1e-3
-SENSORS = SensorParameters()
 
 
 def measurements(
@@ -88,7 +89,7 @@ def test_slow_estimate_lags_by_the_mean_age_of_its_differences(decimation: int, 
     samples the estimate is held and ages by one tick a tick.
     """
     alpha = 3.0
-    sensors = SensorParameters(decimation=decimation, window=window)
+    sensors = replace(SENSORS, decimation=decimation, window=window)
     ticks = 3 * decimation * window
     slow = measurements(lambda t: 0.5 * alpha * t * t, ticks, sensors=sensors)[:, VELOCITY_SLOW]
     settled = np.arange(decimation * window, ticks)

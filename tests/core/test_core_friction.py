@@ -11,12 +11,13 @@ from hypothesis import given, reject
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
+from twin_device import HIP_FRICTION, KNEE_FRICTION
 
 from twin_gait.core.friction import gear_loss_torque, loss_share, rotational_friction_torque
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.laws import array_laws
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
+from twin_gait.parameters.friction import FrictionParameters
 
 # Table 3.1 of the thesis as printed: a, b in [N·m], c in [rad/s], d in [N·m·s/rad].
 PRINTED_KNEE = (-1.743, -3.193, -0.2031, 2.06)

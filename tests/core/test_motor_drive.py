@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.motor_drive import (
@@ -22,7 +23,6 @@ from twin_gait.core.motor_drive import (
     torsion_torque,
     winding_current_step,
 )
-from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, cosine_path, transparency_duty
 from twin_gait.worlds.bench_joint import CatalogueEfficiency
 

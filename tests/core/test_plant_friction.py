@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
+from twin_device import HIP_FRICTION
 
 from twin_gait.core.friction import (
     advance_deflection,
@@ -23,13 +24,7 @@ from twin_gait.core.friction import (
     steady_deflection,
 )
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.friction import (
-    HIP_FRICTION,
-    AsymmetricFriction,
-    FrictionLaw,
-    FrictionParameters,
-    LuGreFriction,
-)
+from twin_gait.parameters.friction import AsymmetricFriction, FrictionLaw, FrictionParameters, LuGreFriction
 
 DAHL = LuGreFriction(coulomb_friction=3.0, bristle_stiffness=600.0)
 LUGRE = LuGreFriction(

@@ -10,6 +10,7 @@ import pytest
 from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
+from twin_device import CONTROL, KNEE_ACTUATOR
 
 from twin_gait.control.safety import TripCause
 from twin_gait.core import faults, safety
@@ -17,7 +18,7 @@ from twin_gait.core.actuator import Motor, winding_voltage
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import quantise
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.drives import KNEE_ACTUATOR, SafetyParameters
+from twin_gait.parameters.drives import SafetyParameters
 from twin_gait.worlds.faults import FaultKind
 
 PERIOD = 1e-3
@@ -189,4 +190,4 @@ def test_no_diode_current_flows_in_a_dip(voltage, drop, back_emf, resistance):
 def test_safety_parameters_must_be_positive_numbers(name):
     for wrong in (-1.0, math.nan, math.inf):
         with raises(ParameterError, name, wrong):
-            SafetyParameters(**{name: wrong})
+            replace(CONTROL.safety, **{name: wrong})

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from twin_device import SENSORS
 
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.inertial import (
@@ -15,7 +16,6 @@ from twin_gait.core.inertial import (
     trunk_specific_force,
     update_pitch_estimate,
 )
-from twin_gait.parameters.drives import TrunkSensorParameters
 
 GRAVITY, T = 9.81, 1e-3
 
@@ -116,7 +116,7 @@ def test_an_acceleration_is_taken_for_gravity_by_the_share_of_the_time_constant(
 def test_the_noise_equals_the_noise_of_the_filter() -> None:
     r"""White noise: :math:`\sigma^2 = [(1-\alpha)^2 T^2 \sigma_\omega^2 + \alpha^2 \sigma_a^2 / g^2]
     / [1 - (1-\alpha)^2]`."""
-    sensor = TrunkSensorParameters()
+    sensor = SENSORS.trunk
     for share in (
         0.0,
         1.0,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cohorts.people import SIZES, BodySizes, cohort
+from cohorts.people import HEAVIEST_WEARER, SIZES, BodySizes, cohort
 from cohorts.shipped import JOINTS, experiment_of, pair, wearer_peak, wearer_power
 from cohorts.tuned import experiment_of as tuned_experiment
 from cohorts.walkers import DURATION, SPEEDS, SUPPORT, cohort_row, failures, sizes_of, walkers
@@ -18,7 +18,6 @@ from errors import raises
 from twin_gait import Patient, Side, TwinGaitError, load_experiment, simulate, summarise_run
 from twin_gait.configuration.experiments import list_patients
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.wearer import HEAVIEST_WEARER
 from twin_gait.studies.batch import override_experiment
 from twin_gait.vocabulary import Sex
 

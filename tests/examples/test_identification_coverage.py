@@ -18,11 +18,11 @@ from identification_coverage import (
 from numpy.testing import assert_allclose
 
 from twin_gait import JointName
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS
 from twin_gait.identification.fitting import refine, rows_of
 from twin_gait.identification.identify import IdentificationOptions, identify_tests
 from twin_gait.identification.processing import BenchSetup, Processing, process_log
 from twin_gait.studies.campaign import Campaign, Protocol
-from twin_gait.worlds.bench_joint import BENCH_ACTUATORS
 
 
 @pytest.mark.slow

@@ -36,10 +36,10 @@ from thesis.friction import (
 )
 from thesis.velocity import delay_of, filtered_fall
 from thesis.velocity import fall_numbers as velocity_numbers
+from twin_device import HIP_ACTUATOR, KNEE_ACTUATOR
 
 from twin_gait import JointName
 from twin_gait.core.actuator import Motor
-from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 from twin_gait.parameters.quantities import from_attributes
 from twin_gait.worlds.bench_control import DutyControl, viscous_duty
 

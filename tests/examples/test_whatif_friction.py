@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from twin_device import SENSORS
 from whatif.bench import (
     HAND_AMPLITUDE,
     HAND_FREQUENCY,
@@ -50,7 +51,6 @@ from whatif.temperature import (
 )
 from whatif_friction_map import GAINS, RATIOS, map_settings
 
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.worlds.bench_joint import BenchFriction
@@ -76,7 +76,7 @@ def test_mean_delay_is_the_lag_of_the_slow_velocity_at_constant_acceleration(
     decimation: int, window: int
 ) -> None:
     bench = knee(
-        sensors=SensorParameters(ideal=True, decimation=decimation, window=window),
+        sensors=replace(SENSORS, ideal=True, decimation=decimation, window=window),
         friction=BenchFriction(law=NO_FRICTION),
         gravity=0.0,
         duration=1.2,

@@ -108,7 +108,6 @@ int main(int count, char **words)
             kind = (int)(draw() % KINDS);
             joint = draw() % JOINTS;
         }
-        const real limit = unit.settings->limits->current;
         for (size_t place = 0; place < JOINTS; place++) {
             JointBoardInputs *read = &inputs.boards[place];
             read->angle = now == 0 ? unit.boards[place].encoder.angle : read->angle + uniform(-2e-4, 2e-4);
@@ -145,7 +144,7 @@ int main(int count, char **words)
         }
         exoskeleton_step(&unit, &given, &outputs);
         for (size_t place = 0; place < JOINTS; place++) {
-            if (!is_driven(outputs.commands[place].target_current, limit)) {
+            if (!is_driven(outputs.commands[place].target_current, unit.boards[place].limits->current)) {
                 return fail("exoskeleton asks for", tick, kind, outputs.commands[place].target_current);
             }
         }
@@ -164,7 +163,7 @@ int main(int count, char **words)
             fill_setpoint(&board_inputs.setpoint);
         }
         joint_board_step(&board, &board_inputs, &board_outputs);
-        if (!is_driven(board_outputs.command.target_current, limit)) {
+        if (!is_driven(board_outputs.command.target_current, board.state.limits->current)) {
             return fail("joint board asks for", tick, kind, board_outputs.command.target_current);
         }
         controller_inputs.direct = given.direct;

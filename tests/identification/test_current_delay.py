@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from friction_bench import KNEE, WEIGHTS, Noise, bench_log, swing
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait.identification.current_delay import delay_warnings, estimate_delay
 from twin_gait.identification.identify import IdentificationOptions, identify_tests
 from twin_gait.identification.processing import BenchSetup, process_log
 from twin_gait.identification.reading import Log, Quantity
-from twin_gait.parameters.drives import KNEE_ACTUATOR
 
 BENCH = BenchSetup(actuator=KNEE_ACTUATOR, start_angle=None)
 VISCOUS = "viscous_friction_Nms_per_rad"

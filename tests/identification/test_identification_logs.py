@@ -29,13 +29,13 @@ from friction_bench import (
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.identification.identify import IdentificationOptions, identify_logs, identify_tests
 from twin_gait.identification.processing import BenchSetup, Processing, process_log
 from twin_gait.identification.reading import ColumnOptions, Log, Quantity, read_log
 from twin_gait.identification.signals import moving_average, zero_phase
-from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.worlds.bench_joint import LoadAngle
 
 ROTATIONAL = (

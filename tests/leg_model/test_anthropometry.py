@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from twin_gait import load_experiment
 from twin_gait.exceptions import ParameterError
 from twin_gait.leg_model.anthropometry import (
     FEMUR_SIZES,
@@ -19,6 +20,7 @@ from twin_gait.leg_model.anthropometry import (
     foot_line,
     segment_inertia,
     trunk_mass,
+    wearer_notes,
     wearer_segments,
 )
 from twin_gait.parameters.wearer import Patient
@@ -185,3 +187,37 @@ def test_wearer_outside_the_range_of_the_tibia_is_refused(height: float) -> None
     assert f"got {height!r}" in message
     assert str(TIBIA_RANGE[0]) in message
     assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("patient", "words"),
+    [
+        (Patient(mass=120.0), ["mass 120 kg", "55 to 91 kg"]),
+        (Patient(mass=20.0, height=1.1), ["mass 20 kg", "height 1.1 m", "1.62 to"]),
+        (Patient(mass=85.0, sex=Sex.FEMALE), ["young women", "mass 85 kg", "47 to 76 kg"]),
+        (Patient(mass=85.0, segment_model=SegmentModel.WINTER), ["Dempster", "mass 85 kg"]),
+    ],
+)
+def test_wearer_unlike_the_subjects_of_the_table_is_extrapolated(patient: Patient, words: list[str]) -> None:
+    (note,) = wearer_notes(patient)
+    assert all(word in note for word in words)
+
+
+def test_wearer_like_the_subjects_has_no_note_and_a_heavy_one_exceeds_the_device() -> None:
+    assert wearer_notes(Patient()) == []
+    assert "110 kg of the device" in wearer_notes(Patient(mass=111.0), heaviest=110.0)[-1]
+    assert len(wearer_notes(Patient(mass=110.0), heaviest=110.0)) == 1
+
+
+@pytest.mark.parametrize(("mass", "height"), [(10.0, 0.75), (160.0, 2.05)])
+def test_segments_of_the_smallest_and_the_largest_wearer_have_their_mass(mass: float, height: float) -> None:
+    """The legs of the wearer have the lengths of the links of the URDF, and the mass of the table."""
+    experiment = load_experiment(
+        "treadmill", ["leg.fit_device=false", f"patient={{mass_kg: {mass}, height_m: {height}}}"]
+    ).experiment
+    model = experiment.build_world().model
+    empty = load_experiment("treadmill", ["leg.fit_device=false", "patient=null"]).experiment
+    device = empty.leg_model(None, experiment.scenario.pelvis).total_mass
+    assert model.total_mass - device == pytest.approx(mass)
+    inertia = np.linalg.eigvalsh(model.mass_matrix(np.zeros(model.nv)))
+    assert inertia.min() > 0.0

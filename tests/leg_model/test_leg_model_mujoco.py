@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from example_robots import twin_joints
 from numpy.testing import assert_allclose
+from twin_device import HIP_ACTUATOR, KNEE_ACTUATOR
 
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, SegmentModel, Sex, Side
 

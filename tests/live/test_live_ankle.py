@@ -28,7 +28,7 @@ def test_every_phase_has_four_controls_of_the_ankle_in_its_ranges(panel: Control
     assert len(table) == 4 * len(panel.preset.table.phases)
     assert len([item for item in controls if item.group == "monitor"]) == 2 * 5
     by_name = {item.name: item for item in table}
-    limit = panel.preset.experiment.control.limits.torque
+    limit = panel.preset.experiment.control.limits[JointName.ANKLE].torque
     # The spring alone reaches the torque limit at a deflection of 4 deg.
     assert by_name["late_stance.ankle.stiffness"].maximum == pytest.approx(limit / 4.0)
     # Beyond the stops at 30 deg, as far as the stiffest published spring takes to reach the limit.

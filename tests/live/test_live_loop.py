@@ -45,6 +45,7 @@ from twin_gait.simulation.settings import loop_numbers
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.vocabulary import JointName
 from twin_gait.worlds.faults import parse_fault
 
 DEGREE = math.pi / 180.0
@@ -290,7 +291,7 @@ def test_equilibrium_beyond_the_stops_widens_its_range_and_no_other():
 @pytest.mark.parametrize("preset", ["treadmill", "overground", "bench_leg", "treadmill_ankle"])
 def test_every_impedance_can_be_raised_and_every_equilibrium_moved_both_ways(preset):
     panel = ControlPanel(load_experiment(preset, ["duration_s=1"]).experiment)
-    limit = panel.preset.experiment.control.limits.torque
+    limit = panel.preset.experiment.control.limits[JointName.HIP].torque  # that of all joints
     checked = 0
     for control in panel.controls(panel.preset):
         quantity = control.name.rpartition(".")[2]

@@ -492,7 +492,9 @@ def test_battery_is_discharged_and_charged() -> None:
 def test_empty_records_are_undefined_not_wrong() -> None:
     empty = np.zeros(0)
     assert all(math.isnan(value) for value in battery_use(empty, TICK, 1.0).values())
-    shares = saturation_shares(saturation_cases(empty, empty, empty, LimitParameters()))
+    shares = saturation_shares(
+        saturation_cases(empty, empty, empty, LimitParameters(torque=60.0, current=15.0))
+    )
     assert all(math.isnan(value) for value in shares.values())
     assert math.isnan(energy_balance(empty, np.zeros((2, 0)))["energy_residual_J"])
 

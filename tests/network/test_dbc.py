@@ -18,7 +18,6 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
-from twin_gait.parameters.drives import HARD_TORQUE_LIMIT
 from twin_gait.parameters.network import BOARDS, NetworkParameters
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import GaitPhase
@@ -133,13 +132,15 @@ def test_the_ranges_cover_the_shipped_experiments_with_a_margin_of_half(preset):
         "stiffness": 1.5 * rows[:, 0].max(),
         "damping": 1.5 * rows[:, 1].max(),
         "gain": 1.0,
-        "torque": min(1.5 * limits.torque, HARD_TORQUE_LIMIT),  # beyond it nothing is meant
+        "torque": 1.25 * max(limits[joint].torque for joint in experiment.joints),
     }
     for name, value in held.items():
         assert bounds("left_hip_setpoint", name)[1] >= value
     low, high = bounds("left_hip_setpoint", "equilibrium")
     assert low <= rows[:, 2].min() - 0.3 and high >= rows[:, 2].max() + 0.3
-    assert bounds("left_hip_measurement", "current")[1] > safety.current_share * limits.current
+    assert bounds("left_hip_measurement", "current")[1] > safety.current_share * max(
+        limits[joint].current for joint in experiment.joints
+    )
 
 
 def test_the_ranges_cover_the_joints_of_the_device():

@@ -12,14 +12,12 @@ from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from twin_device import KNEE_ACTUATOR, PLANT, SENSORS
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.gait.table import Transition
 from twin_gait.identification.processing import BenchSetup
 from twin_gait.parameters.drives import (
-    HARD_TORQUE_LIMIT,
-    HIP_ACTUATOR,
-    KNEE_ACTUATOR,
     ActuatorParameters,
     BatteryParameters,
     ElectronicsParameters,
@@ -57,7 +55,6 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (ElectronicsParameters, "regeneration", -0.1),
     (ElectronicsParameters, "regeneration", 1.1),
     (LimitParameters, "torque", 0.0),
-    (LimitParameters, "torque", HARD_TORQUE_LIMIT + 0.1),
     (LimitParameters, "current", 0.0),
     (SensorParameters, "encoder_counts", 0),
     (SensorParameters, "angle_noise", -1e-6),
@@ -97,7 +94,13 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (Transition, "timeout_ticks", 0),
 ]
 REQUIRED: dict[Any, dict[str, Any]] = {
-    ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3},
+    ActuatorParameters: vars(KNEE_ACTUATOR),
+    BatteryParameters: vars(PLANT.battery),
+    ElectronicsParameters: vars(PLANT.electronics),
+    StopParameters: vars(PLANT.stops),
+    AnkleParameters: vars(PLANT.ankle),
+    SensorParameters: vars(SENSORS),
+    LimitParameters: {"torque": 60.0, "current": 15.0},
     CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
     DriveParameters: {"inductance": 1e-3},
     BenchSetup: {"actuator": KNEE_ACTUATOR},
@@ -137,7 +140,7 @@ def test_no_parameter_may_be_infinite_or_undefined(kind: Callable[..., Any], nam
 @pytest.mark.parametrize("name", ["encoder_counts", "decimation", "window"])
 def test_counts_are_whole_numbers(name: str) -> None:
     with pytest.raises(ParameterError):
-        SensorParameters(**{name: 2.5})  # type: ignore[arg-type]
+        dataclasses.replace(SENSORS, **{name: 2.5})
 
 
 def test_errors_are_caught_by_the_base_class_and_as_value_errors() -> None:
@@ -170,10 +173,9 @@ def test_parameters_are_frozen() -> None:
 
 def test_battery_is_the_pack_of_the_thesis() -> None:
     """28.8 V, 92.2 Wh, 15 A (thesis 2.2.1)."""
-    battery = BatteryParameters()
+    battery = PLANT.battery
     assert battery.voltage == 28.8
     assert_allclose(battery.energy, 331_920.0, rtol=1e-12)
-    assert LimitParameters().current == 15.0
 
 
 def test_mass_of_the_wearer_is_limited_by_the_device() -> None:
@@ -182,16 +184,10 @@ def test_mass_of_the_wearer_is_limited_by_the_device() -> None:
 
 def test_noise_on_ideal_encoders_is_refused() -> None:
     with raises(ParameterError, "angle_noise", "0", "ideal: false"):
-        SensorParameters(angle_noise=1e-5)
-    assert SensorParameters(ideal=False, angle_noise=1e-5).angle_noise == 1e-5
-
-
-def test_gear_is_lossless_by_default() -> None:
-    assert KNEE_ACTUATOR.gear_efficiency == HIP_ACTUATOR.gear_efficiency == 1.0
+        dataclasses.replace(SENSORS, angle_noise=1e-5)
+    assert dataclasses.replace(SENSORS, ideal=False, angle_noise=1e-5).angle_noise == 1e-5
 
 
 def test_armature_grows_with_the_square_of_the_gear_ratio() -> None:
-    slow, fast = (
-        ActuatorParameters(torque_constant=0.07, resistance=0.3, gear_ratio=ratio) for ratio in (50.0, 100.0)
-    )
+    slow, fast = (dataclasses.replace(KNEE_ACTUATOR, gear_ratio=ratio) for ratio in (50.0, 100.0))
     assert_allclose(fast.armature, 4.0 * slow.armature, rtol=1e-12)

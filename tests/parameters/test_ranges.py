@@ -7,17 +7,18 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from errors import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from twin_device import SENSORS
 
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.quantities import (
     Declaration,
     Parameters,
@@ -107,9 +108,9 @@ def test_out_of_range_values_are_refused_with_the_range(setting: str) -> None:
 
 
 def test_a_window_and_its_decimation_span_two_seconds_at_most() -> None:
-    assert SensorParameters(window=200, decimation=10).window == 200
+    assert replace(SENSORS, window=200, decimation=10).window == 200
     with raises(ParameterError, "window", "2000", "11", "200"):
-        SensorParameters(window=200, decimation=11)
+        replace(SENSORS, window=200, decimation=11)
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,7 @@ def test_torques_show_the_parts_that_act_and_the_limits(walk: Run) -> None:
     labels = legend_labels(figure)
     assert "impedance torque" in labels and "motor torque" in labels and "torque limit" in labels
     assert "friction compensation torque" not in labels  # zero throughout this walk
-    limit = walk.experiment.control.limits.torque
+    limit = walk.experiment.control.limits[JointName.HIP].torque
     heights = {float(np.asarray(item.get_ydata())[0]) for item in figure.axes[0].get_lines()[-2:]}
     assert heights == {limit, -limit}
 

@@ -35,8 +35,14 @@ from twin_gait import load_experiment, simulate
 from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.environment import BeltProfile
-from twin_gait.report.formatting import amount, belt_carries_note, format_table, walk_table
-from twin_gait.runs.summary import software_versions, summarise_run
+from twin_gait.report.formatting import (
+    amount,
+    belt_carries_note,
+    extrapolation_note,
+    format_table,
+    walk_table,
+)
+from twin_gait.runs.summary import describe_identity, software_versions, summarise_run
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.treadmill import Treadmill
@@ -428,3 +434,11 @@ def test_motion_in_the_hold_is_not_counted_as_gait(walk: Run, summary: dict[str,
         assert found["heel_strikes_without_early_stance"] == 0
         assert found["early_stance_lag_max_abs_s"] == whole["early_stance_lag_max_abs_s"]
         assert found["toe_clearance_min_m"] > 0.0
+
+
+def test_summary_states_a_wearer_for_whom_the_model_is_extrapolated() -> None:
+    usual = describe_identity(load_experiment("treadmill").experiment)
+    assert usual["patient"]["notes"] == "" and extrapolation_note(usual) == ""
+    heavy = describe_identity(load_experiment("treadmill", ["patient.mass_kg=130"]).experiment)
+    assert "mass 130 kg" in extrapolation_note(heavy) and "110 kg of the device" in extrapolation_note(heavy)
+    assert extrapolation_note(describe_identity(load_experiment("bench_leg").experiment)) == ""

@@ -121,7 +121,7 @@ def test_a_fall_ends_its_episode_only(alone):
 
 WRONG = {
     "misspelt": ({"patient.mas_kg": 80}, ("episode 1", "patient.mas_kg", "mass_kg")),
-    "out of range": ({"patient.mass_kg": -1}, ("episode 1", "patient.mass_kg", "30", "110 kg", "-1")),
+    "out of range": ({"patient.mass_kg": -1}, ("episode 1", "patient.mass_kg", "10", "160 kg", "-1")),
     "not a key": ({"patient..mass_kg": 80}, ("episode 1", "patient..mass_kg")),
     "no such item": (
         {"table.transitions[99].cause": "x"},

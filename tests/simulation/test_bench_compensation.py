@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from idealised import idealised
 from numpy.testing import assert_allclose
 from plain_bench import plain_rows
+from twin_device import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, KNEE_FRICTION, SENSORS
 
+from twin_gait.configuration.bench_device import bench_joint
 from twin_gait.core.actuator import dead_zone
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.drives import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, SensorParameters
-from twin_gait.parameters.friction import KNEE_FRICTION
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import CosinePath, TorqueControl
@@ -32,7 +32,6 @@ from twin_gait.worlds.bench_joint import (
     InertialUnit,
     LinkParameters,
     Torsion,
-    bench_joint,
 )
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
@@ -94,7 +93,7 @@ def moved(sensor: InertialSensor | None, **changes: object) -> BenchJoint:
     unit = None if sensor is None else InertialUnit(sensor=sensor, delay=0, time_constant=0.0)
     chosen: dict[str, object] = {
         "mass": 2.0,
-        "sensors": SensorParameters(ideal=True),
+        "sensors": replace(SENSORS, ideal=True),
         "control": controlled(friction_compensation_gain=0.0, inertia_compensation=0.5),
         "friction": BenchFriction(law=KNEE_FRICTION),
         "imposed_motion": ImposedMotionParameters(amplitude=-0.7, frequency=0.5),

@@ -12,10 +12,11 @@ from idealised import idealised
 from numpy.testing import assert_allclose
 from plain_bench import plain_rows
 from scipy.integrate import solve_ivp
+from twin_device import KNEE_FRICTION, PLANT, SENSORS
 
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS, bench_joint
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.drives import BatteryParameters, LimitParameters, SensorParameters
-from twin_gait.parameters.friction import KNEE_FRICTION, FrictionParameters, LuGreFriction
+from twin_gait.parameters.friction import FrictionParameters, LuGreFriction
 from twin_gait.simulation.bench_joint import tick
 from twin_gait.simulation.bench_joint.episode import BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, bench_episode, simulate_bench
@@ -26,7 +27,6 @@ from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import (
-    BENCH_ACTUATORS,
     BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
@@ -38,7 +38,6 @@ from twin_gait.worlds.bench_joint import (
     LinkParameters,
     LoadAngle,
     Torsion,
-    bench_joint,
 )
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
@@ -59,8 +58,8 @@ BRISTLES = LuGreFriction(
 )
 VISCOUS = BenchFriction(law=replace(NO_FRICTION.law, viscous_friction=2.06))
 IDEAL_DRIVE = DriveParameters(inductance=L, loop=CurrentLoop.IDEAL, noise=0.0, ripple=0.0, delay=0)
-STIFF_BATTERY = BatteryParameters(internal_resistance=0.0)
-EXACT = SensorParameters(ideal=True)
+STIFF_BATTERY = replace(PLANT.battery, internal_resistance=0.0)
+EXACT = replace(SENSORS, ideal=True)
 # Voltage of zero however fast the joint turns: the winding is shorted.
 SHORTED = DutyControl(amplitude=0.0, lowest_velocity=50.0)
 
@@ -186,7 +185,7 @@ def everything() -> BenchJoint:
         torsion=Torsion(),
         friction=BenchFriction(law=KNEE_FRICTION, coulomb_per_load=0.1, viscous_per_kelvin=-0.01, ripple=0.3),
         imposed_motion=ImposedMotionParameters(amplitude=0.1),
-        sensors=SensorParameters(ideal=False, angle_noise=1e-6),
+        sensors=replace(SENSORS, ideal=False, angle_noise=1e-6),
         drive=DriveParameters(inductance=L, delay=2),
         duration=0.06,
     )
@@ -214,7 +213,7 @@ def test_cache_key_covers_every_module_of_the_loop() -> None:
 
 
 def test_tests_of_all_parts_and_lengths_share_one_loop() -> None:
-    sensors = SensorParameters(ideal=False, window=4)
+    sensors = replace(SENSORS, ideal=False, window=4)
     late = InertialUnit(sensor=InertialSensor.ACCELEROMETER, delay=7)
     fall = bench_joint(KNEE, control=DutyControl(), sensors=sensors, inertial_unit=late)
     layouts = {dtype_of(bench_episode(test, BenchVariation())) for test in (fall, everything(), knee())}
@@ -410,7 +409,6 @@ def test_bus_voltage_limits_the_speed_of_a_driven_joint(joint: JointName) -> Non
         friction=NO_FRICTION,
         gravity=0.0,
         duration=3.0,
-        limits=LimitParameters(),
     )
     run = simulate_bench(test)
     no_load = 28.8 / (test.actuator.torque_constant * 100)
@@ -568,7 +566,7 @@ def test_diverging_run_is_reported() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: bench_joint(JointName.ANKLE), "knee or hip"),
+        (lambda: bench_joint(JointName.ANKLE), "hip, knee"),
         (lambda: DriveParameters(inductance=L, rate=20_500.0), "whole multiple"),
         (lambda: DriveParameters(inductance=0.0), "inductance"),
         (lambda: CatalogueEfficiency(temperature=60.0), "-10 to 40"),

@@ -130,7 +130,6 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch, cac
 RUN = """
 import json, sys
 from twin_gait import load_experiment, simulate
-from twin_gait.worlds.bench_joint import bench_joint
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.vocabulary import JointName
 compilations = []

@@ -28,8 +28,8 @@ def bench_leg(*settings: str) -> Experiment:
 
 def assert_late(late: Experiment, log, ticks: int) -> None:
     """Check that the drives receive the command of the controller with a delay of some ticks, bit for bit."""
-    limits = late.control.limits
     for joint in JOINTS:
+        limits = late.control.limits[joint]
         motor = from_attributes(Motor, late.plant.actuators[joint])
         wanted = log[f"right_{joint}_motor_command_torque_Nm"].tolist()
         requested = [target_current(motor, torque, limits.torque, limits.current) for torque in wanted]

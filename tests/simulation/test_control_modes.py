@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from errors import raises
 from numpy.testing import assert_allclose, assert_array_equal
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
@@ -23,7 +24,6 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
-from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -162,7 +162,7 @@ def test_followed_path_closes_and_stays_between_its_ends():
 
 def test_motor_can_accelerate_its_rotor_along_the_followed_knee_and_not_along_the_healthy_one():
     config = experiment("control.mode=position")
-    available = config.control.limits.torque / KNEE_ACTUATOR.armature
+    available = config.control.limits[JointName.KNEE].torque / KNEE_ACTUATOR.armature
     followed = reference_path(config)
     healthy = reference_path(experiment())
     assert accelerations(followed.angles, followed.cycle_ticks)[1] < 0.8 * available

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from twin_device import HIP_FRICTION, KNEE_ACTUATOR, KNEE_FRICTION
 
 from twin_gait import load_experiment
 from twin_gait.cli.simulate import report
-from twin_gait.parameters.drives import KNEE_ACTUATOR
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate

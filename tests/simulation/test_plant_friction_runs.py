@@ -13,12 +13,13 @@ from plain_bench import plain_rows
 from scipy.integrate import solve_ivp
 
 from twin_gait import Experiment, JointName, Run, RunStatus, load_experiment, simulate
+from twin_gait.configuration.bench_device import bench_joint
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.friction import LuGreFriction
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.worlds.bench_joint import BenchFriction, bench_joint
+from twin_gait.worlds.bench_joint import BenchFriction
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 PHASES = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")

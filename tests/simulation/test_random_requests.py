@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from functools import cache
 from pathlib import Path
@@ -251,8 +252,9 @@ def test_every_fault_on_the_floor_leads_to_a_hold_or_to_a_fall_that_is_reported(
     for seed in seeds:
         run = simulate(walk(seed))
         limits = run.experiment.control.limits
-        for name in (f"{side}_{joint}" for side in run.sides for joint in run.experiment.joints):
-            assert run.log[f"{name}_motor_torque_Nm"].abs().max() <= limits.torque * (1.0 + 1e-9)
+        for side, joint in itertools.product(run.sides, run.experiment.joints):
+            torque = run.log[f"{side}_{joint}_motor_torque_Nm"].abs().max()
+            assert torque <= limits[joint].torque * (1.0 + 1e-9)
         assert swings(run).max() < 2
         # A frozen reading differs from a healthy sensor only if the value would have changed.
         undetected = all(fault.kind in REPEATING for fault in run.experiment.faults)

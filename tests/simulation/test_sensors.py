@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from errors import raises
+from twin_device import SENSORS
 
 from twin_gait import load_experiment, simulate, simulate_batch
+from twin_gait.configuration.bench_device import bench_joint
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.bench_joint import bench_joint
 
 OFFSETS = {"left_hip": 2.0, "left_knee": 0.0, "right_hip": 0.0, "right_knee": -1.5}  # [deg]
 ASKEW = "sensors.offset={left: {hip_deg: 2}, right: {knee_deg: -1.5}}"
@@ -100,7 +101,7 @@ def test_an_impossible_offset_is_refused_in_one_line(setting, words):
 
 
 def test_the_joint_bench_has_no_offset():
-    sensors = SensorParameters(offset={Side.LEFT: {JointName.KNEE: 0.01}})
+    sensors = replace(SENSORS, offset={Side.LEFT: {JointName.KNEE: 0.01}})
     with raises(ParameterError, "sensors offset", "knee"):
         bench_joint(JointName.KNEE, sensors=sensors)
 

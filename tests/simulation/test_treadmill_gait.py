@@ -140,9 +140,9 @@ def test_torque_parts_of_every_row_sum_to_the_command(walk):
 
 
 def test_motor_torque_and_current_stay_inside_the_limits(walk):
-    limits = walk.experiment.control.limits
     for side in SIDES:
         for joint in ("hip", "knee"):
+            limits = walk.experiment.control.limits[joint]
             assert walk.log[f"{side}_{joint}_motor_torque_Nm"].abs().max() <= limits.torque + 1e-9
             assert walk.log[f"{side}_{joint}_measured_current_A"].abs().max() <= limits.current
 

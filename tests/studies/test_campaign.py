@@ -15,12 +15,12 @@ import pandas as pd
 import pytest
 from errors import raises
 from numpy.testing import assert_allclose
+from twin_device import KNEE_ACTUATOR
 
 from twin_gait.cli import friction as command
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.identification.processing import BenchSetup, process_log
 from twin_gait.identification.reading import Quantity, read_log
-from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.simulation.bench_joint.episode import LOG_COLUMNS
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.simulation.run import RunStatus

@@ -88,8 +88,9 @@ def build_case(
     return CheckCase(
         table=scaled_table(driving, world) if setup is None else setup.table,
         experiment=driving,
-        limits={TRUNK: _pitches(world)} | {joint: _angles(world, JointName(joint)) for joint in table.joints},
-        velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
+        limits={TRUNK: _pitches(world)}
+        | {joint: _angles(driving, world, JointName(joint)) for joint in table.joints},
+        velocity_limits={joint: _velocity(driving, world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(
             table.phase_names[start_phase(table, world.initial_phases[side])] for side in driving.sides
         ),
@@ -97,9 +98,10 @@ def build_case(
     )
 
 
-def _angles(world: World, joint: JointName) -> tuple[float, float]:
+def _angles(experiment: Experiment, world: World, joint: JointName) -> tuple[float, float]:
     """Return the range of a joint over both sides in [rad]; a continuous joint is limited to one turn."""
-    limits = [world.model.position_limits(side, joint) for side in world.model.sides]
+    control, model = experiment.control, world.model
+    limits = [control.joint_range(model, side, joint) for side in model.sides]
     lowest, highest = min(low for low, _ in limits), max(high for _, high in limits)
     return max(lowest, ANY_ANGLE[0]), min(highest, ANY_ANGLE[1])
 
@@ -110,12 +112,11 @@ def _pitches(world: World) -> tuple[float, float]:
     return -largest, largest
 
 
-def _velocity(world: World, joint: JointName) -> float:
-    """Return the highest speed of a joint over both sides in [rad/s], from the URDF if it states one."""
-    highest = max(
-        float(world.model.model.velocityLimit[world.model.index(side, joint)]) for side in world.model.sides
-    )
-    return highest if math.isfinite(highest) and highest > 0.0 else HIGHEST_VELOCITY
+def _velocity(experiment: Experiment, world: World, joint: JointName) -> float:
+    """Return the highest speed of a joint over both sides in [rad/s], if device or URDF state one."""
+    model = world.model
+    highest = max(experiment.control.highest_speed(model, side, joint) for side in model.sides)
+    return highest if math.isfinite(highest) else HIGHEST_VELOCITY
 
 
 def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding]:

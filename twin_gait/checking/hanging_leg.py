@@ -100,7 +100,11 @@ class HangingLeg:
         limits = self.setup.experiment.control.limits
         motors = [self.setup.experiment.plant.actuators[joint] for joint in self.joints]
         gears = [(motor.torque_constant, motor.gear_ratio) for motor in motors]
-        return np.minimum([current_to_torque(limits.current, *gear) for gear in gears], limits.torque)
+        by_current = [
+            current_to_torque(limits[joint].current, *gear)
+            for joint, gear in zip(self.joints, gears, strict=True)
+        ]
+        return np.minimum(by_current, [limits[joint].torque for joint in self.joints])
 
     def no_load_speed(self, joint: JointName) -> float:
         """Compute the speed in [rad/s] at which the back-EMF equals the whole battery voltage."""

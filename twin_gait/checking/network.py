@@ -86,7 +86,7 @@ def traffic_of(experiment: Experiment) -> tuple[float, dict[str, float]]:
     infinite if the bus is full.
     """
     network, messages = experiment.network or NetworkParameters(), bus_messages(experiment)
-    boards = [f"{side}_{joint}" for side in experiment.leg.legs for joint in experiment.joints]
+    boards = [f"{side}_{joint}" for side in experiment.sides for joint in experiment.joints]
     bus = new_bus(network, messages, boards, 0, TICK)
     frames = [
         CyclicFrame(max_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
@@ -149,10 +149,12 @@ def _bus_values(
     out if the control unit computes the impedance.
     """
     joint, control = setup.joints[number], setup.experiment.control
-    trip = control.safety.current_share * control.limits.current
+    limits, equal = control.limits[joint.joint], len(set(control.limits.values())) == 1
+    section = "control.limits" if equal else f"control.limits.{joint.joint}"
+    trip = control.safety.current_share * limits.current
     for sign in (1.0, -1.0):
-        yield "control.limits.torque_Nm", sign * control.limits.torque, " N·m", "setpoint", "torque"
-        key = "control.limits.current_A times control.safety.current_share"
+        yield f"{section}.torque_Nm", sign * limits.torque, " N·m", "setpoint", "torque"
+        key = f"{section}.current_A times control.safety.current_share"
         yield key, sign * trip, " A", "measurement", "current"
     damping = control.safety.hold_damping
     yield "control.safety.hold_damping_Nms_per_rad", damping, " N·m·s/rad", "setpoint", "damping"

@@ -164,14 +164,14 @@ def stiffness_beyond_limits(case: CheckCase) -> Iterator[Finding]:
 def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterator[str]:
     """Describe where the springs of a phase exceed the limits, at the worst of some postures in [rad]."""
     commands = np.array([command_at_rest(leg, phase, start) for start in starts])
-    torque_limit = leg.setup.experiment.control.limits.torque
+    limits = leg.setup.experiment.control.limits
     for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):
         worst = int(np.argmax(np.abs(commands[:, joint])))
         if abs(commands[worst, joint]) > limit:
             yield (
                 f"the spring of the {name} needs {commands[worst, joint]:.0f} N·m at the entry at "
                 f"{math.degrees(starts[worst][joint]):.1f}°; the "
-                f"{'torque' if limit == torque_limit else 'current'} limit gives {limit:.0f} N·m"
+                f"{'torque' if limit == limits[name].torque else 'current'} limit gives {limit:.0f} N·m"
             )
         k, b, zero = (float(leg.column(which)[phase, joint]) for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
         released = ((start[joint] - zero, leg.mass(start)[joint, joint]) for start in starts)

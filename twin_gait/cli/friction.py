@@ -85,22 +85,13 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     true friction. With --device, drive, friction, battery, limits and encoder are those of the device.
     """
     from twin_gait.configuration.device_file import load_device
-    from twin_gait.configuration.validation import convert_with_context
     from twin_gait.simulation.run import RunStatus
-    from twin_gait.studies.campaign import Campaign, Protocol, device_campaign, run_campaign
+    from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
 
-    joint, out = JointName(arguments.joint), arguments.out
-    settings: dict[str, Any] = {"protocol": Protocol(arguments.protocol), "seed": arguments.seed}
-    protocol = settings["protocol"]
-    device = load_device(arguments.device or DEFAULT_DEVICE)
-    found = device.parameters_of_drive(joint)
-    if arguments.device is None:
-        campaign = Campaign(joint=joint, **settings)
-    else:
-        parts = found["plant"], found["control"], found["sensors"]
-        campaign = convert_with_context(
-            str(device.path), "", lambda: device_campaign(joint, *parts, **settings)
-        )
+    joint, protocol, out = JointName(arguments.joint), Protocol(arguments.protocol), arguments.out
+    load_device(arguments.device or DEFAULT_DEVICE).parameters_of_drive(joint)
+    device = options.drop_none(device=arguments.device)
+    campaign = Campaign(joint=joint, protocol=protocol, seed=arguments.seed, **device)
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.work_callbacks(str(protocol), "test") as watch:

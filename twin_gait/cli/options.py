@@ -17,8 +17,7 @@ from twin_gait.files import check_replaceable
 
 if TYPE_CHECKING:
     from twin_gait.configuration.experiments import LoadedExperiment
-
-if TYPE_CHECKING:
+    from twin_gait.control.controller import Controller
     from twin_gait.experiment.experiment import Experiment
 
 PROCESSORS = os.cpu_count() or 1
@@ -88,6 +87,12 @@ def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> N
     """
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
+    text = "world: the scenario of a preset or of a YAML file"
+    add_shorthand(parser, "--world", "NAME", "scenario", text, json.dumps)
+    text = "gait table: a packaged gait table (see twin-gait presets), or a YAML file"
+    add_shorthand(parser, "--table", "NAME", "table", text, json.dumps)
+    text = "controller: a control mode, or FILE.py:CLASS of your own"
+    parser.add_argument("--controller", metavar="NAME", help=text)
     if seconds is not None:
         add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
     add(parser, "--unchecked")
@@ -122,13 +127,32 @@ def load_experiment(arguments: argparse.Namespace, *defaults: str) -> LoadedExpe
 
     ``defaults`` are settings ``KEY=VALUE`` that those of the user override.
     """
-    from twin_gait.configuration.experiments import load_experiment
+    from twin_gait.configuration.experiments import load_experiment, with_controller
 
-    loaded = load_experiment(arguments.experiment, [*defaults, *arguments.settings])
+    of_controller, own = _read_controller(getattr(arguments, "controller", None))
+    loaded = load_experiment(arguments.experiment, [*defaults, *of_controller, *arguments.settings])
+    if own is not None:
+        loaded = with_controller(loaded, own)
     loaded.experiment.build_world()
     if not arguments.unchecked:
         check_table(loaded.experiment, arguments.experiment, arguments.settings)
     return loaded
+
+
+def _read_controller(given: str | None) -> tuple[list[str], Controller | None]:
+    """Return the settings of a control mode, or a controller of the user's own."""
+    from twin_gait.control.controllers import CONTROLLERS
+    from twin_gait.control.user_controller import load_controller
+
+    if given is None:
+        return [], None
+    path, _, class_name = given.partition(":")
+    if given in CONTROLLERS:
+        return [f"control.mode={given}", "controller=null"], None
+    if not path.endswith(".py"):
+        known = f"one of {', '.join(CONTROLLERS)}, or FILE.py:CLASS"
+        raise ParameterError(f"--controller: expected {known}, got {given!r}")
+    return [], load_controller(Path(path), class_name)
 
 
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:

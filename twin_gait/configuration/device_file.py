@@ -25,7 +25,7 @@ from twin_gait.configuration.validation import (
     validate,
 )
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment.device import ControlParameters, PlantParameters
+from twin_gait.experiment.device import ControlParameters, PlantParameters, check_limits
 from twin_gait.parameters.drives import SensorParameters
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import LegSource
@@ -41,6 +41,7 @@ PARTS = {
     "plant": ("actuators", "friction", "friction_ratio", "battery", "electronics", "stops", "ankle"),
     "control": ("friction_model", "limits", "safety"),
 }
+_MISSING = "is missing"  # end of the message about a number that has no default
 BASES = "extends: twin, or extends: ideal for a base without friction and losses"
 
 
@@ -75,6 +76,7 @@ class Device:
         for key, kind in SECTIONS.items():
             section = validate(section_of(kind), self.sections.get(key, {}), source, key)
             found[key] = convert_with_context(source, key, section.convert)
+        convert_with_context(source, "", lambda: check_limits(found["control"].limits, found["plant"]))
         return found
 
     def parameters_of_drive(self, joint: JointName) -> dict[str, Any]:
@@ -95,13 +97,19 @@ class Device:
         """Return the name of the device that states a value, by its key in any unit; empty if none does."""
         if key in self.origins:
             return self.origins[key]
+        return self._stated_by(key) or self._stated_by(_for_all_joints(key))
+
+    def _stated_by(self, key: str) -> str:
         quantity = quantity_of(key)
         return next((name for own, name in self.origins.items() if quantity_of(own) == quantity), "")
 
     def source_of(self, key: str) -> str:
         """Return the stated source of a number by its key, with or without unit; empty if there is none."""
+        keys = (key, _for_all_joints(key))
         covering = [
-            known for known in self.sources if key == known or key.startswith((f"{known}.", f"{known}_"))
+            known
+            for known in self.sources
+            if known in keys or any(item.startswith((f"{known}.", f"{known}_")) for item in keys)
         ]
         return self.sources[max(covering, key=len)] if covering else ""
 
@@ -194,13 +202,23 @@ def _without_null(mapping: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _for_all_joints(key: str) -> str:
+    """Return the key at which a file gives a value of a joint for all joints at once."""
+    return ".".join(part for part in key.split(".") if part not in list(JointName))
+
+
 def _require_complete(device: Device) -> None:
     """Raise ParameterFileError if a device does not state a number of its sections."""
-    numbers = (path for path, value in _leaves(device.document()) if _is_number(value))
-    missing = [path for path in numbers if not device.stated_by(path)]
+    try:
+        numbers = [path for path, value in _leaves(device.document()) if _is_number(value)]
+        missing = [path for path in numbers if not device.stated_by(path)]
+    except ParameterFileError as error:
+        if not error.problem.endswith(_MISSING):
+            raise
+        missing = [f"{error.key}.{error.problem.removesuffix(_MISSING).strip(' :')}".strip(".")]
     if missing:
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        problem = f"is missing{more}; state it, or begin the file with {BASES}"
+        problem = f"{_MISSING}{more}; state it, or begin the file with {BASES}"
         raise ParameterFileError(str(device.path), missing[0], problem)
 
 

@@ -111,7 +111,7 @@ class ChangeableValue(NamedTuple):
 def changeable_keys(experiment: Experiment) -> dict[str, ChangeableValue]:
     """Return all keys that can change during a run, with their places; the factor of SI units is 1."""
     table, found = experiment.table, dict[str, ChangeableValue]()
-    sides = {f"sides.{side}": f"side_phases.{side}" for side in experiment.leg.legs}
+    sides = {f"sides.{side}": f"side_phases.{side}" for side in experiment.sides}
     for key, path in {"phases": "phases", **sides}.items():
         for phase in table.phases:
             name, at = f"table.{key}.{phase}", f"experiment.table.{path}.{phase}"
@@ -126,7 +126,7 @@ def changeable_keys(experiment: Experiment) -> dict[str, ChangeableValue]:
     found["monitor.control"] = ChangeableValue("mode", choices=tuple(MODES))
     if experiment.stepped_by_hand:
         found["monitor.steps_by_hand"] = ChangeableValue("manual", choices=(False, True))
-    for side in experiment.leg.legs:
+    for side in experiment.sides:
         for joint in experiment.joints:
             name = f"monitor.{side}_{joint}"
             found |= _impedance(name, f"monitor.{side}.joints.{joint}")

@@ -13,7 +13,13 @@ from typing import Any
 from pydantic import create_model
 
 from twin_gait.configuration import gait_table_file, validation
-from twin_gait.configuration.custom_sections import SIDES, convert_user_controller, section_of, type_of
+from twin_gait.configuration.custom_sections import (
+    SIDES,
+    convert_user_controller,
+    section_of,
+    type_of,
+    user_controller_document,
+)
 from twin_gait.configuration.device_file import Device, list_devices, load_device, without_device
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
@@ -26,6 +32,8 @@ from twin_gait.configuration.validation import (
     read_yaml,
     validate,
 )
+from twin_gait.control.controller import Controller
+from twin_gait.control.user_controller import record_controller
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration
 from twin_gait.experiment.own_gait import OwnGait
@@ -37,7 +45,7 @@ from twin_gait.worlds.registry import describe_entry_point, find_world, load_plu
 _HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
 # Keys whose value may be the name of a file that replaces the whole section, each with the folder of its
 # shipped files.
-_NAMED = {"patient": "patients", "table": "tables", "modes": "modes"}
+_NAMED = {"patient": "patients", "table": "tables", "modes": "modes", "scenario": "presets"}
 DEFAULT_PRESET = "treadmill"  # preset of a command that names none
 GROUP = "twin_gait.presets"  # group of entry points; each refers to a package that contains YAML files
 
@@ -171,18 +179,27 @@ def list_patients() -> dict[str, str]:
 
 
 def load_named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
-    """Return the document that replaces the whole section ``patient``, ``table`` or ``modes``.
+    """Return the document that replaces the whole section ``patient``, ``table``, ``modes`` or ``scenario``.
 
     Returns None if the value only changes the section. The document is checked here, so that a message can
     name the file that contains the mistake.
 
     ``value``: name of a shipped document, or path of a file; for a person also a mapping with such a name
     under ``preset`` and changes to it; for a table also a complete one, with ``schema_version`` or
-    ``extends``. ``path``: file that contains the value, to whose folder a relative path refers; the working
-    folder is searched next. ``source``: name of this file in messages. Raises ParameterFileError if there is
-    no document of that name, or if it has a mistake.
+    ``extends``; for a scenario the name of a preset or the path of an experiment file, whose scenario is
+    taken. For the key ``device`` the document has all sections of the device. ``path``: file that contains
+    the value, to whose folder a relative path refers; the working folder is searched next. ``source``: name
+    of this file in messages. Raises ParameterFileError if there is no document of that name, or if it has a
+    mistake.
     """
     name, changes = value, {}
+    if key in ("device", "scenario"):
+        if not isinstance(value, str):
+            return None
+        if key == "device":
+            device = _named_device(value, path, source)
+            return {**device.sections, "device": {"name": device.name}}
+        return _scenario_of(value, path, source or str(path))
     if isinstance(value, Mapping):
         if key == "table" and "extends" in value:
             inline = gait_table_file.merge_extended_table({**value}, path, f"{path}: table")
@@ -205,6 +222,21 @@ def load_named_document(key: str, value: Any, path: Path, source: str = "") -> d
         return {"name": found.stem, **data}
     read_patient(found)
     return merge(_person(data, found), changes)
+
+
+def _scenario_of(name: str, path: Path, source: str) -> dict[str, Any]:
+    """Return the scenario of a preset, or of an experiment file next to ``path`` or in the working folder."""
+    beside = path.parent / name
+    found, _ = convert_with_context(source, "scenario", lambda: _find(beside if beside.is_file() else name))
+    scenario = _resolved(read_yaml(found), found).get("scenario")
+    if not isinstance(scenario, Mapping):
+        raise ParameterFileError(found, "scenario", "is missing; name another preset or experiment file")
+    return {**scenario}
+
+
+def replace_device(document: Mapping[str, Any], device: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the document of an experiment with another device, given by all its sections."""
+    return merge(device, without_device(document))
 
 
 def read_patient(path: Path) -> Patient:
@@ -282,6 +314,16 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         if all(isinstance(key, str) for key in keys):
             given = validation.assign(given, keys, value)
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document, given)
+
+
+def with_controller(loaded: LoadedExperiment, controller: Controller) -> LoadedExperiment:
+    """Return an experiment with a controller of the user's own."""
+    record = record_controller(controller)
+    return replace(
+        loaded,
+        experiment=replace(loaded.experiment, controller=record),
+        document={**loaded.document, "controller": user_controller_document(record)},
+    )
 
 
 def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:

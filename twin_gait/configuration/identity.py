@@ -4,7 +4,7 @@ The label of a part that differs from the shipped one of its name, or has no shi
 beginning of the hash of its values, so that two versions of the part have different labels.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -19,6 +19,7 @@ from twin_gait.configuration.validation import packaged
 from twin_gait.experiment.device import ControlParameters
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.parameters.quantities import declarations
 from twin_gait.parameters.wearer import Patient
 
 _DIGITS = 6  # digits of the hash in a label
@@ -81,7 +82,9 @@ def _controller(experiment: Experiment) -> ExperimentPart:
     controller, settings = experiment.controller, _control_hash(experiment.control)
     if controller is not None:
         return ExperimentPart(controller.name, None, _hash([user_controller_document(controller), settings]))
-    shipped = settings == _control_hash(ControlParameters())
+    usual = {item.name: item.default for item in declarations(ControlParameters)}
+    usual = {name: value for name, value in usual.items() if value is not MISSING}
+    shipped = settings == _control_hash(replace(experiment.control, **usual))
     name = str(experiment.control.mode)
     return ExperimentPart(name, not shipped, _hash([name, settings]))
 

@@ -67,7 +67,7 @@ def _experiment() -> Any:
         "Experiment",
         __base__=section_of(Experiment),
         preset=(name, ""),
-        scenario=(worlds, ...),
+        scenario=(name | worlds, ...),
         device=(name | section_of(DeviceIdentity), ...),
         patient=(name | person | None, None),
         own_gait=(name | own_gait | _table() | None, None),

@@ -19,6 +19,7 @@ from twin_gait.docstrings import summary_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import Declaration, LiteralAlias, Parameters, declarations, is_mapping
+from twin_gait.vocabulary import JointName
 
 _PLAIN = {float: Number, int: Count}
 
@@ -97,8 +98,15 @@ def known_sections(data: Mapping[str, Any], previous: Mapping[str, Any], paramet
         if isinstance(value, Parameters) and section is other:
             found[key] = value
         elif isinstance(value, (Parameters, dict)) and isinstance(section, dict) and isinstance(other, dict):
+            if isinstance(value, dict) and _common_values(section) != _common_values(other):
+                continue  # every entry of the mapping has changed
             found[key] = {**section, **known_sections(section, other, value)}
     return found
+
+
+def _common_values(section: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a mapping of sections that are no sections."""
+    return {key: value for key, value in section.items() if not isinstance(value, Mapping)}
 
 
 def to_yaml(value: Any, item: Declaration | None = None) -> Any:
@@ -106,6 +114,8 @@ def to_yaml(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
+        if item is not None and _is_common_to_all(value, item):
+            return to_yaml(next(iter(value.values())))
         found = {}
         unit = item.unit if item is not None and item.find_annotation(quantities.UnitInKeys) else None
         for name, inner in value.items():
@@ -117,6 +127,14 @@ def to_yaml(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, float) and math.isinf(value):
         return None  # YAML has no number for a time that never comes
     return value if value is None or type(value) in (bool, int, float) else str(value)
+
+
+def _is_common_to_all(value: Mapping[Any, Any], item: Declaration) -> bool:
+    """Check whether a file can give the entries of a mapping at once: there are all, and they are equal."""
+    if item.find_annotation(quantities.CommonValues) is None:
+        return False
+    entries = list(value.values())
+    return list(value) == list(get_args(item.kind)[0]) and all(entry == entries[0] for entry in entries)
 
 
 def type_of(parameters: type[Any]) -> Any:
@@ -199,6 +217,38 @@ def _mapping_fields(
     return fields, read
 
 
+def _optional(about: Any) -> Any:
+    """Return the description of a key for a JSON Schema, with null as its default."""
+    return Field(None, description=about.description, json_schema_extra=about.json_schema_extra)
+
+
+class _WithCommonValues(Strict):
+    """Mapping of sections that accepts values for all of them.
+
+    See :class:`~twin_gait.parameters.quantities.CommonValues`. An entry that is not named exists if the
+    common values alone are complete.
+    """
+
+    section: ClassVar[Any]  # section of an entry
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread(cls, data: Any) -> Any:
+        if not isinstance(data, (dict, Mapping)):
+            return data
+        names = [name for name in JointName if name in cls.model_fields]
+        common = {key: value for key, value in data.items() if key in cls.section.keys and value is not None}
+        if not common:
+            return data
+        complete = {cls.section.keys[key] for key in common} >= set(cls.section.required)
+        spread: dict[str, Any] = {name: {} for name in names} if complete else {}
+        spread |= {key: value for key, value in data.items() if key not in common and value is not None}
+        return {
+            name: merge(common, value, name) if isinstance(value, Mapping) and name in names else value
+            for name, value in spread.items()
+        }
+
+
 def _type(item: Declaration, kind: Any, factor: float) -> Any:
     """Return the type of a value in a file, validated as the value in SI."""
     while get_origin(kind) is Annotated:
@@ -211,7 +261,16 @@ def _type(item: Declaration, kind: Any, factor: float) -> Any:
         return _one_of(get_args(kind))
     if is_mapping(kind):
         fields, read = _mapping_fields(item, kind, factor)
-        model = create_model(f"{item.name}_by_name", __base__=Strict, **fields)
+        base: type[Strict] = Strict
+        if item.find_annotation(quantities.CommonValues):
+            base, inner = _WithCommonValues, declarations(get_args(kind)[1])
+            common = {key: _field(one, size) for one in inner for key, size in one.keys.items()}
+            fields = {
+                key: (_nullable(of_key), _optional(about)) for key, (of_key, about) in common.items()
+            } | fields
+        model: Any = create_model(f"{item.name}_by_name", __base__=base, **fields)
+        if base is _WithCommonValues:
+            model.section = section_of(get_args(kind)[1])
         return Annotated[model, AfterValidator(read)]
     if isinstance(kind, type) and issubclass(kind, Parameters):
         word = item.find_annotation(LiteralAlias)

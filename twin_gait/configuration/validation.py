@@ -60,13 +60,14 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], prefix: str = "")
     """Return a mapping merged with changes; a quantity that is given in another unit replaces the old one.
 
     Neither mapping is modified. Values that do not change are the same objects in the result. If the friction
-    law of a joint changes, its whole section is replaced, because another law has other keys.
+    law of a joint changes, its whole section is replaced, because another law has other keys. A number beside
+    the sections of joints is for all of them, and replaces theirs.
 
     ``prefix``: key of the mapping, for messages. Raises ParameterError if the changes give one quantity in
     two units.
     """
     reject_duplicate_units(changes, prefix)
-    merged = dict(base)
+    merged = _without_replaced(base, changes)
     # Most changes are of existing keys, whose quantities are not needed.
     same = {} if changes.keys() <= base.keys() else {quantity_of(name): name for name in base}
     for key, value in changes.items():
@@ -78,6 +79,19 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], prefix: str = "")
         else:
             merged[key] = value if isinstance(value, Parameters) else copy.deepcopy(value)
     return merged
+
+
+def _without_replaced(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping without the numbers of its joints that changes give for all joints at once."""
+    found = dict(base)
+    for joint in _JOINTS & base.keys():
+        if isinstance(base[joint], Mapping):
+            given = {quantity_of(key) for key, value in changes.items() if not isinstance(value, Mapping)}
+            kept = {key: value for key, value in base[joint].items() if quantity_of(key) not in given}
+            if len(kept) < len(base[joint]):
+                found = {key: value for key, value in found.items() if key != joint or kept}
+                found |= {joint: kept} if kept else {}
+    return found
 
 
 def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:

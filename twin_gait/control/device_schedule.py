@@ -148,9 +148,9 @@ def hold_on_implausible_command(
     update_total_torque(board)
 
 
-def command_current(board: BoardState, limits: Limits) -> None:
+def command_current(board: BoardState) -> None:
     """Set the target current of a drive from its command."""
-    set_current(board, limits, board.command.torque)
+    set_current(board, board.command.torque)
 
 
 # ------------------------------------------------------------------ the order of a tick

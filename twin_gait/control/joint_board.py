@@ -38,11 +38,17 @@ class SamplingConfig:
 
 
 @dataclass(slots=True)
-class Limits:
-    """Limits of the command, and timeouts of the gait controller and the boards."""
+class CommandLimits:
+    """Limits of the command of a board."""
 
-    torque: float  # Limit of the command in [N·m].
-    current: float  # Limit of the drives in [A].
+    torque: float  # Limit of the torque in [N·m].
+    current: float  # Limit of the target current in [A].
+
+
+@dataclass(slots=True)
+class Limits:
+    """Timeouts of the gait controller and the boards, and the hold after a trip."""
+
     phase_ticks: int  # Longest time in a phase in ticks.
     frozen_load_ticks: int  # Longest time in ticks for which a load may be constant while the hip turns.
     controller_timeout: int  # Timeout in ticks for messages of the gait controller at a board.
@@ -97,6 +103,7 @@ class BoardState:
     encoder: Encoder  # Encoder with its velocity estimates.
     motor: Motor  # Motor and gear as modelled in the board.
     friction_model: FrictionParameters  # Friction model of the compensator.
+    limits: CommandLimits  # Limits of the command.
     bounds: Bounds  # Bounds of the monitor.
     monitor: MonitorState = field(default_factory=MonitorState)  # State of the monitor.
     # Last setpoint received from the gait controller, or that of the hold.
@@ -280,9 +287,9 @@ def set_hold_setpoint(
     setpoint.held = True
 
 
-def set_current(board: BoardState, limits: Limits, torque: float) -> None:
+def set_current(board: BoardState, torque: float) -> None:
     """Set the drive's target current for a torque in [N·m], within the limits; NaN gives 0."""
-    current = target_current(board.motor, torque, limits.torque, limits.current)
+    current = target_current(board.motor, torque, board.limits.torque, board.limits.current)
     board.command.target_current = 0.0 if board.command.drive_off or torque != torque else current
 
 

@@ -71,6 +71,42 @@ def record_controller(controller: Controller) -> UserController:
     )
 
 
+def load_controller(path: Path, class_name: str = "") -> Controller:
+    """Import a Python file and create a controller of one of its classes, without arguments.
+
+    Args:
+        path: File of the module. Its folder is added to the import path of this process.
+        class_name: Name of the class; empty for the only class of the file that is derived from Controller.
+
+    Raises:
+        ParameterError: If the file cannot be imported, or has no such class or several ones.
+    """
+    if not path.is_file():
+        raise ParameterError(f"{path}: there is no such file; expected a Python file with a controller")
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    try:
+        module = importlib.import_module(path.stem)
+        if Path(str(module.__file__)).resolve() != path.resolve():
+            raise ParameterError(f"{path}: there is another module {path.stem!r}; rename the file")
+        kinds = {
+            name: item
+            for name, item in vars(module).items()
+            if isinstance(item, type) and issubclass(item, Controller) and item.__module__ == path.stem
+        }
+        if (class_name or len(kinds) != 1) and class_name not in kinds:
+            known = ", ".join(kinds) or "none"
+            raise ParameterError(f"{path}: expected FILE.py:CLASS with a controller of it ({known})")
+        made: Controller = kinds[class_name or next(iter(kinds))]()
+    except ParameterError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ParameterError(f"{path}: the controller cannot be created ({reason[:200]})") from error
+    return made
+
+
 def restore_controller(record: UserController) -> Controller:
     """Import the class of a record and create the controller again.
 

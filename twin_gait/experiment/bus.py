@@ -24,8 +24,8 @@ def device_boards(leg: LegSource, plant: PlantParameters) -> list[tuple[Side, Jo
     """Return the joints of a device that have a drive, and therefore a board, leg by leg."""
     return [
         (side, joint)
-        for side, names in leg.legs.items()
-        for joint, _ in names.items()
+        for side in leg.driven_sides or leg.legs
+        for joint, _ in leg.legs[side].items()
         if joint in plant.actuators
     ]
 
@@ -59,7 +59,7 @@ def signal_ranges(leg: LegSource, plant: PlantParameters, control: ControlParame
     found: dict[str, dict[str, tuple[float, float]]] = {}
     power = 0.0
     for side, joint in boards:
-        limits, drive = control.limits, plant.actuators[joint]
+        limits, drive = control.limits[joint], plant.actuators[joint]
         lower, upper = model.position_limits(side, joint)
         angles = lower - LARGEST_OFFSET, upper + LARGEST_OFFSET
         speed = min(model.velocity_limit(side, joint), voltage / (drive.torque_constant * drive.gear_ratio))

@@ -25,7 +25,6 @@ from twin_gait.parameters.environment import AnkleParameters, StopParameters
 from twin_gait.parameters.friction import FrictionLaw, FrictionParameters
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
 
@@ -60,7 +59,7 @@ class ControlParameters(quantities.Parameters):
         inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
             encoder is noisy (thesis 2.4.2).
         target_torque: Torque in [N·m] that is added to the command (thesis, equation 2.16).
-        limits: Limits of torque and current.
+        limits: Limits of each joint; a file may give a value for all joints at once.
         safety: Safety monitor between controller and motor.
         patient: The wearer that gravity compensation assumes; None takes the true one.
         delay: Delay from a measurement to the resulting current in [s], a whole number of ticks; 0 for a
@@ -71,15 +70,13 @@ class ControlParameters(quantities.Parameters):
     mode: ControlMode = _USUAL
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
-    friction_model: Annotated[Mapping[JointName, FrictionParameters], quantities.AllEntries()] = field(
-        default_factory=BENCH_FRICTION.copy
-    )
+    friction_model: Annotated[Mapping[JointName, FrictionParameters], quantities.AllEntries()]
     inertia_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     target_torque: Mapping[JointName, quantities.Torque] = field(
         default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
     )
-    limits: LimitParameters = field(default_factory=LimitParameters)
-    safety: SafetyParameters = field(default_factory=SafetyParameters)
+    limits: Annotated[Mapping[JointName, LimitParameters], quantities.AllEntries(), quantities.CommonValues()]
+    safety: SafetyParameters
     patient: Patient | None = None
     delay: Annotated[quantities.Time, DELAYS] = 0.0
 
@@ -104,6 +101,24 @@ class ControlParameters(quantities.Parameters):
         """Delay in ticks."""
         return round(self.delay / TICK)
 
+    def joint_range(self, model: LegModel, side: Side, joint: JointName) -> tuple[float, float]:
+        """Return the lowest and highest angle of a joint in [rad]: of its limits or, without, of the URDF."""
+        lower, upper = model.position_limits(side, joint)
+        limits = self.limits.get(joint)
+        if limits is None:
+            return lower, upper
+        return (
+            lower if limits.lowest_angle is None else limits.lowest_angle,
+            upper if limits.highest_angle is None else limits.highest_angle,
+        )
+
+    def highest_speed(self, model: LegModel, side: Side, joint: JointName) -> float:
+        """Return the highest speed of a joint in [rad/s]: of its limits or, without, of the URDF."""
+        limits = self.limits.get(joint)
+        if limits is None or limits.highest_speed is None:
+            return model.velocity_limit(side, joint)
+        return limits.highest_speed
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlantParameters(quantities.Parameters):
@@ -121,19 +136,13 @@ class PlantParameters(quantities.Parameters):
         gravity: Gravitational acceleration in [m/s²].
     """
 
-    friction_ratio: Annotated[
-        Mapping[JointName, quantities.Ratio], FRICTION_RATIOS, quantities.AllEntries()
-    ] = field(default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5})
-    friction: Annotated[Mapping[JointName, FrictionLaw], quantities.AllEntries()] = field(
-        default_factory=lambda: {**BENCH_FRICTION}
-    )
-    actuators: Annotated[Mapping[JointName, ActuatorParameters], quantities.AllEntries()] = field(
-        default_factory=BENCH_ACTUATORS.copy
-    )
-    battery: BatteryParameters = field(default_factory=BatteryParameters)
-    electronics: ElectronicsParameters = field(default_factory=ElectronicsParameters)
-    stops: StopParameters = field(default_factory=StopParameters)
-    ankle: AnkleParameters = field(default_factory=AnkleParameters)
+    friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], FRICTION_RATIOS, quantities.AllEntries()]
+    friction: Annotated[Mapping[JointName, FrictionLaw], quantities.AllEntries()]
+    actuators: Annotated[Mapping[JointName, ActuatorParameters], quantities.AllEntries()]
+    battery: BatteryParameters
+    electronics: ElectronicsParameters
+    stops: StopParameters
+    ankle: AnkleParameters
     gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
 
     def __post_init__(self) -> None:
@@ -170,3 +179,45 @@ class PlantParameters(quantities.Parameters):
     def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Compute the friction of the plant: the law times the ratio, per joint."""
         return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
+
+
+def check_limits(limits: Mapping[JointName, LimitParameters], plant: PlantParameters) -> None:
+    """Raise ParameterError if a drive has no limits, or a torque limit above the ceiling of the drive."""
+    for joint, drive in plant.actuators.items():
+        if joint not in limits:
+            raise ParameterError(f"control.limits.{joint}: is missing, but the {joint} has a drive; add it")
+        torque, ceiling = limits[joint].torque, drive.torque_ceiling(plant.battery.voltage)
+        if torque > ceiling:
+            section = f"plant.actuators.{joint}"
+            stated = "the torque at its peak current"
+            if drive.peak_torque is not None:
+                stated = f"{section}.peak_torque_Nm"
+            elif drive.peak_current is None:
+                stated = (
+                    f"the stall torque of the drive; {section} states no peak_torque_Nm or peak_current_A"
+                )
+            problem = f"expected at most {ceiling:.4g} N·m ({stated}), got {torque:g} N·m"
+            raise ParameterError(
+                f"control.limits.{joint}.torque_Nm: {problem}; lower it, or use another drive"
+            )
+
+
+def check_motion_limits(control: ControlParameters, model: LegModel) -> None:
+    """Raise ParameterError if the speed or the range of a joint exceeds that of the URDF."""
+    for side, leg in model.legs.items():
+        for joint, name in leg.items():
+            limits = control.limits.get(joint)
+            if limits is None:
+                continue
+            where = f"joint {name!r} of the URDF"
+            spanned, fastest = model.position_limits(side, joint), model.velocity_limit(side, joint)
+            for key, value, unit, (lower, upper) in (
+                ("highest_speed_rad_per_s", limits.highest_speed, "rad/s", (0.0, fastest)),
+                ("lowest_angle_rad", limits.lowest_angle, "rad", spanned),
+                ("highest_angle_rad", limits.highest_angle, "rad", spanned),
+            ):
+                if value is not None and not lower <= value <= upper:
+                    problem = f"expected {lower:.4g} to {upper:.4g} {unit} as {where}, got {value:g} {unit}"
+                    raise ParameterError(
+                        f"control.limits.{joint}.{key}: {problem}; narrow it, or leave it out"
+                    )

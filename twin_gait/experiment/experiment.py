@@ -8,7 +8,13 @@ from typing import Annotated, Any
 
 from twin_gait.control.user_controller import UserController
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.device import ControlParameters, DeviceIdentity, PlantParameters
+from twin_gait.experiment.device import (
+    ControlParameters,
+    DeviceIdentity,
+    PlantParameters,
+    check_limits,
+    check_motion_limits,
+)
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
 from twin_gait.experiment.own_gait import OwnGait
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
@@ -147,9 +153,9 @@ class Experiment(Parameters):
     duration: Annotated[Time, DURATIONS] = 20.0
     patient: Patient | None = field(default_factory=Patient)
     own_gait: Annotated[OwnGait | None, CustomSerialized()] = None
-    control: ControlParameters = field(default_factory=ControlParameters)
-    plant: PlantParameters = field(default_factory=PlantParameters)
-    sensors: SensorParameters = field(default_factory=SensorParameters)
+    control: ControlParameters
+    plant: PlantParameters
+    sensors: SensorParameters
     integration: Integration | None = None
     engine: Engine = Engine.COMPILED
     seed: Annotated[int, SEEDS] = 0
@@ -168,6 +174,7 @@ class Experiment(Parameters):
         plain = isinstance(self.name, str) and self.name and not set(self.name) & set("/\\\0\n")
         require(bool(plain), "name", "a name without slashes, line breaks and null characters", self.name)
         self._check_joints()
+        check_limits(self.control.limits, self.plant)
         for fault in self.faults:
             fault.require_fit(self.sides, self.joints, self.scenario.grounded, self.duration)
         for side, angles in self.sensors.offset.items():
@@ -301,6 +308,7 @@ class Experiment(Parameters):
         plant, pelvis = self.plant, self.scenario.pelvis
         require(pelvis in list(PelvisGuide), f"world {self.scenario.kind!r}: pelvis", "a PelvisGuide", pelvis)
         model = self.leg_model(self.patient, pelvis)
+        check_motion_limits(self.control, model)
         self._compare_effort_limits(model)
         world = build_world(
             self.scenario,
@@ -324,14 +332,13 @@ class Experiment(Parameters):
 
     def _compare_effort_limits(self, model: LegModel) -> None:
         """Warn if the limit of the command torque is above the effort limit in the URDF of a driven joint."""
-        limit = self.control.limits.torque
         for side in self.sides:
             for joint, name in model.legs[side].items():
                 allowed = model.effort_limit(side, joint)
-                if joint in self.plant.actuators and limit > allowed:
+                if joint in self.plant.actuators and (limit := self.control.limits[joint].torque) > allowed:
                     text = (
                         f"joint {name!r} has an effort limit of {allowed:g} N·m, which is not applied: "
-                        f"control.limits.torque_Nm is {limit:g}; lower it, or correct the URDF"
+                        f"control.limits.{joint}.torque_Nm is {limit:g}; lower it, or correct the URDF"
                     )
                     warnings.warn(f"{self.leg.urdf}: {text}", UrdfWarning, stacklevel=3)
 

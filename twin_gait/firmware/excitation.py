@@ -42,7 +42,7 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
     for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
         yield rows.rows_at_rest(bounds.torque_ticks + 3, target=side * bounds.highest_torque)
         yield rows.rows_at_rest(3, target=-side * bounds.highest_command)
-        yield rows.rows_at_rest(3, target=side * limits.torque)
+        yield rows.rows_at_rest(3, target=side * unit.state.limits.torque)
     yield from rows.command_lag_rows()
     silent = rows.rows_at_rest(limits.controller_timeout + limits.lowering_ticks + 9, speed=0.1)
     silent["setpoint"]["gravity"], silent["received"][4:] = 5.0, False

@@ -34,7 +34,7 @@ def write_project(
         "angles": dict(zip(project.joints, angles, strict=True)),
         "limits": networked_limits(problem),
         "phases": list(problem.table.phases),
-        "legs": dict(zip(experiment.leg.legs, legs, strict=True)),
+        "legs": dict(zip(experiment.sides, legs, strict=True)),
         "causes": TripCause,
         **runner_records(project),
     }

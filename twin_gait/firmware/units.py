@@ -43,7 +43,7 @@ class UnitSettings:
     """Settings of all units."""
 
     rates: SamplingConfig  # Configuration of the sampling.
-    limits: Limits  # Limits of commands, and timeouts.
+    limits: Limits  # Timeouts, and the hold after a trip.
     watching: bool  # Whether the safety monitor is on.
 
 
@@ -84,7 +84,7 @@ def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointB
     measure(board, settings, inputs, unit.tick)
     receive(board, settings.limits, inputs.setpoint, inputs.received)
     execute(board, settings.limits, settings.watching)
-    set_current(board, settings.limits, board.command.torque)
+    set_current(board, board.command.torque)
     write_measurement(board, outputs.measurement)
     copy_command(board.command, outputs.command)
     unit.tick += 1

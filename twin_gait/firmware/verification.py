@@ -204,7 +204,7 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
     if not experiment.control.safety.enabled:
         impossible.add(FaultKind.ENCODER_MISSING)
     for kind in (kind for kind in FaultKind if kind not in impossible):
-        location = kind.location(next(iter(experiment.leg.legs)), experiment.joints[-1])
+        location = kind.location(experiment.sides[0], experiment.joints[-1])
         fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, location=location)
         yield replace(experiment, duration=length, faults=(fault,))
 

@@ -73,6 +73,58 @@ WINTER_SEGMENTS: dict[str, Segment] = {
 }
 
 
+class Subjects(NamedTuple):
+    """Subjects of a segment table: mean and standard deviation of mass in [kg] and height in [m]."""
+
+    description: str
+    mass: tuple[float, float]
+    height: tuple[float, float]
+
+
+# De Leva (1996) adjusts tables of college-aged Caucasians (abstract). The means and deviations of 100 men and
+# 15 women are recalled. Dempster (1955) dissected eight elderly men; their sizes are recalled.
+SUBJECTS: dict[Sex, Subjects] = {
+    Sex.MALE: Subjects("young men (de Leva 1996)", (73.0, 9.1), (1.741, 0.062)),
+    Sex.FEMALE: Subjects("young women (de Leva 1996)", (61.9, 7.3), (1.735, 0.033)),
+}
+WINTER_SUBJECTS = Subjects("eight elderly men (Dempster 1955)", (60.0, 8.0), (1.70, 0.08))
+_DEVIATIONS = 2.0  # standard deviations within which a wearer is like the subjects of a table
+
+
+def wearer_notes(patient: Patient, heaviest: float | None = None) -> list[str]:
+    """Return a sentence for each property of a wearer for which the model is extrapolated.
+
+    The shares of mass and length are those of the subjects of the segment table, and constant: they change
+    with growth and obesity. A wearer counts as extrapolated beyond two standard deviations of the subjects.
+
+    Args:
+        patient: The wearer.
+        heaviest: Largest mass in [kg] for which the device is made, or None.
+
+    Returns:
+        Sentences; none for a wearer like the subjects.
+    """
+    winter = patient.segment_model is SegmentModel.WINTER
+    subjects = WINTER_SUBJECTS if winter else SUBJECTS[patient.sex]
+    outside = []
+    for name, value, (mean, deviation), unit, digits in (
+        ("mass", patient.mass, subjects.mass, "kg", 0),
+        ("height", patient.height, subjects.height, "m", 2),
+    ):
+        low, high = (mean + sign * _DEVIATIONS * deviation for sign in (-1.0, 1.0))
+        if not low <= value <= high:
+            outside.append(f"{name} {value:g} {unit} (subjects {low:.{digits}f} to {high:.{digits}f} {unit})")
+    notes = []
+    if outside:
+        notes.append(
+            f"The body segments of the wearer are extrapolated from {subjects.description}: "
+            f"{', '.join(outside)}."
+        )
+    if heaviest is not None and patient.mass > heaviest:
+        notes.append(f"The wearer of {patient.mass:g} kg is heavier than the {heaviest:g} kg of the device.")
+    return notes
+
+
 def wearer_segments(patient: Patient) -> Mapping[str, Segment]:
     """Return thigh, shank and foot of a wearer, from the table that the wearer's segment model selects."""
     if patient.segment_model is SegmentModel.WINTER:

@@ -68,7 +68,9 @@ def fault_text(values: Mapping[str, Value]) -> str:
 
 def action_specs(simulation_setup: SimulationSetup) -> Iterator[ActionSpec]:
     """Yield the actions that are possible in an experiment."""
-    modes, limit = simulation_setup.experiment.modes, simulation_setup.experiment.control.limits.torque
+    experiment = simulation_setup.experiment
+    modes, limits = experiment.modes, experiment.control.limits
+    limit = max(limits[item.joint].torque for item in simulation_setup.joints)
     joints = tuple(f"{item.side}_{item.joint}" for item in simulation_setup.joints)
     requests = () if modes is None else tuple(modes.requests)
     locations = {
@@ -234,7 +236,7 @@ class ControlPanel:
         stiffest published spring reaches the torque limit: an equilibrium beyond a stop is a torque towards
         it.
         """
-        limit = self.preset.experiment.control.limits.torque
+        limit = self.preset.experiment.control.limits[joint].torque
         if quantity == "torque":
             return -limit, limit
         if quantity == "gain":

@@ -35,7 +35,7 @@ def saturation_cases(
     ``saturated``: at least one of the three. Returns booleans, one a tick.
 
     ``command``: commanded torque before limits in [N·m]; ``target_current``: current after torque and current
-    limit in [A]; ``current``: current after the voltage limit in [A].
+    limit in [A]; ``current``: current after the voltage limit in [A]; ``limits``: limits of the joint.
     """
     torque = np.abs(command) > limits.torque
     target = np.abs(target_current) >= limits.current

@@ -31,30 +31,41 @@ class ActuatorParameters(quantities.Parameters):
             joint's torque that the motor receives when it is back-driven
             (:func:`twin_gait.core.friction.gear_loss_torque`). 0.5 to 1; 1 is no such loss.
         continuous_torque: Torque that the motor can hold, before the gear's losses, in [N·m].
+        inductance: Inductance of the winding, line to line, in [H], for the current loop of the joint bench;
+            None if it is not known.
+        peak_torque: Repeated peak torque of the gear in [N·m], the ceiling of the joint's torque limit; None
+            if it is not known.
+        peak_current: Largest current of motor and inverter in [A], from which the ceiling follows without a
+            peak torque; None if it is not known.
     """
 
     torque_constant: Annotated[quantities.TorqueConstant, quantities.POSITIVE]
     resistance: Annotated[quantities.Resistance, quantities.POSITIVE]
-    # maxon EC 90 flat data sheet: 3060 g cm²
-    rotor_inertia: Annotated[quantities.Inertia, ROTORS] = 3.06e-4
-    gear_ratio: Annotated[quantities.Ratio, quantities.POSITIVE] = 100.0  # CSD-25-100, thesis 2.2.1
-    # CSD-25, catalogue value from memory (medium-high confidence)
-    gear_inertia: Annotated[quantities.Inertia, ROTORS] = 0.282e-4
-    gear_efficiency: Annotated[quantities.Ratio, EFFICIENCIES] = 1.0
-    # Nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7.
-    continuous_torque: Annotated[quantities.Torque, quantities.POSITIVE] = 43.0
+    rotor_inertia: Annotated[quantities.Inertia, ROTORS]
+    gear_ratio: Annotated[quantities.Ratio, quantities.POSITIVE]
+    gear_inertia: Annotated[quantities.Inertia, ROTORS]
+    gear_efficiency: Annotated[quantities.Ratio, EFFICIENCIES]
+    continuous_torque: Annotated[quantities.Torque, quantities.POSITIVE]
+    inductance: Annotated[quantities.Inductance | None, quantities.POSITIVE] = None
+    peak_torque: Annotated[quantities.Torque | None, quantities.POSITIVE] = None
+    peak_current: Annotated[quantities.Current | None, quantities.POSITIVE] = None
 
     @property
     def armature(self) -> float:
         """Inertia of rotor and wave generator seen at the joint, in [kg·m²]."""
         return (self.rotor_inertia + self.gear_inertia) * self.gear_ratio * self.gear_ratio
 
+    def torque_ceiling(self, voltage: float) -> float:
+        r"""Return the highest torque limit that the drive allows, in [N·m].
 
-# maxon EC 90 flat, 24 V winding 323772: K_t and R from the data sheet.
-KNEE_ACTUATOR = ActuatorParameters(torque_constant=0.0705, resistance=0.343)
-# 36 V winding 429271: its sheet was not found. K_t is chosen, R follows from the same motor
-# constant K_t/sqrt(R) as the 24 V winding: 0.343 (0.109/0.0705)² = 0.82.
-HIP_ACTUATOR = ActuatorParameters(torque_constant=0.109, resistance=0.82)
+        This is the repeated peak torque of the gear, if it is stated. Otherwise the drive limits the torque:
+        :math:`K_t\,\tau\,\eta\,I` with the peak current, or without one with the current
+        :math:`U / R` of the standing motor at a voltage in [V].
+        """
+        if self.peak_torque is not None:
+            return self.peak_torque
+        current = voltage / self.resistance if self.peak_current is None else self.peak_current
+        return self.torque_constant * self.gear_ratio * self.gear_efficiency * current
 
 
 PACKS = quantities.Range(0.0, 10.0, reason="fifty times the resistance of a pack of this size")
@@ -62,19 +73,19 @@ PACKS = quantities.Range(0.0, 10.0, reason="fifty times the resistance of a pack
 
 @dataclass(frozen=True, kw_only=True)
 class BatteryParameters(quantities.Parameters):
-    """Battery pack CMX820P (thesis 2.2.1).
+    """Battery pack.
 
     Attributes:
         voltage: Open-circuit voltage in [V].
-        internal_resistance: Internal resistance in [Ω]; typical of an 8-cell pack, not found for this one.
-        continuous_power: Continuous power in [W]: 15 A at 22 V.
-        energy: Energy in [J]: 92.2 Wh.
+        internal_resistance: Internal resistance in [Ω].
+        continuous_power: Continuous power in [W].
+        energy: Energy in [J].
     """
 
-    voltage: Annotated[quantities.Voltage, quantities.POSITIVE] = 28.8
-    internal_resistance: Annotated[quantities.Resistance, PACKS] = 0.2
-    continuous_power: Annotated[quantities.Power, quantities.POSITIVE] = 330.0
-    energy: Annotated[quantities.Energy, quantities.POSITIVE] = 92.2 * 3600.0
+    voltage: Annotated[quantities.Voltage, quantities.POSITIVE]
+    internal_resistance: Annotated[quantities.Resistance, PACKS]
+    continuous_power: Annotated[quantities.Power, quantities.POSITIVE]
+    energy: Annotated[quantities.Energy, quantities.POSITIVE]
 
 
 # Autonomy in [s] of TWIN with its battery (thesis, table 2.1); the activity is not stated.
@@ -85,9 +96,6 @@ STATED_AUTONOMY = 4.0 * 3600.0
 class ElectronicsParameters(quantities.Parameters):
     """Loads of the battery in addition to the windings, and the share of regenerated power.
 
-    By default there are no such loads and all regenerated power returns, as if inverters and computers needed
-    none.
-
     Attributes:
         inverter_resistance: Resistance of the two switches and the shunt that carry the current of a motor,
             in [Ω].
@@ -97,33 +105,37 @@ class ElectronicsParameters(quantities.Parameters):
             beyond its other loads; 0 for a brake chopper.
     """
 
-    inverter_resistance: Annotated[quantities.Resistance, quantities.NOT_NEGATIVE] = 0.0
-    inverter_power: Annotated[quantities.Power, quantities.NOT_NEGATIVE] = 0.0
-    constant_power: Annotated[quantities.Power, quantities.NOT_NEGATIVE] = 0.0
-    regeneration: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
-
-
-HARD_TORQUE_LIMIT = 100.0  # Torque in [N·m] just below the repeated peak torque of the gear (110 N·m).
-TORQUE_RANGE = quantities.Range(
-    0.0,
-    HARD_TORQUE_LIMIT,
-    exclusive_minimum=True,
-    words=f"above 0 and at most {HARD_TORQUE_LIMIT:g} N·m, the limit of the gear",
-)
+    inverter_resistance: Annotated[quantities.Resistance, quantities.NOT_NEGATIVE]
+    inverter_power: Annotated[quantities.Power, quantities.NOT_NEGATIVE]
+    constant_power: Annotated[quantities.Power, quantities.NOT_NEGATIVE]
+    regeneration: Annotated[quantities.Ratio, quantities.SHARE]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitParameters(quantities.Parameters):
-    """Limits of the command.
+    """Limits of a joint. The torque that its motor can hold is ``continuous_torque`` of the drive.
 
     Attributes:
-        torque: Limit of the motor torque at the joint in [N·m], at most ``HARD_TORQUE_LIMIT``.
+        torque: Limit of the motor torque at the joint in [N·m], at most the ceiling of the drive
+            (:meth:`ActuatorParameters.torque_ceiling`).
         current: Limit of the motor current in [A].
+        highest_speed: Highest joint speed in [rad/s], at most that of the URDF; None for that of the URDF.
+        lowest_angle: Lowest joint angle in [rad], not below that of the URDF; None for that of the URDF.
+        highest_angle: Highest joint angle in [rad], not above that of the URDF; None for that of the URDF.
     """
 
-    torque: Annotated[quantities.Torque, TORQUE_RANGE] = 60.0
-    # The battery's continuous current, thesis 2.2.1.
-    current: Annotated[quantities.Current, quantities.POSITIVE] = 15.0
+    torque: Annotated[quantities.Torque, quantities.POSITIVE]
+    current: Annotated[quantities.Current, quantities.POSITIVE]
+    highest_speed: Annotated[quantities.AngularVelocity | None, quantities.POSITIVE] = None
+    lowest_angle: quantities.Angle | None = None
+    highest_angle: quantities.Angle | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the lowest angle is below the highest one."""
+        super().__post_init__()
+        if self.lowest_angle is not None and self.highest_angle is not None:
+            below = f"below highest_angle, {self.highest_angle:g} rad"
+            require(self.lowest_angle < self.highest_angle, "lowest_angle", below, self.lowest_angle)
 
 
 # Calibration by eye leaves 1 to 3 deg, either way (an assumption).
@@ -136,10 +148,6 @@ OFFSETS = quantities.Range(
 # Positions on the trunk at which a backpack can hold an inertial unit.
 HEIGHTS = quantities.Range(0.0, 1.0, reason="from the hips to above the head")
 DEPTHS = quantities.Range(-0.5, 0.5, reason="within the depth of a trunk with its backpack")
-# Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
-# unit (InvenSense MPU-6050, data sheet rev. 3.4, sections 6.1 and 6.2).
-GYROSCOPE_NOISE = 0.005 * quantities.DEGREE * math.sqrt(500.0)  # [rad/s]
-ACCELEROMETER_NOISE = 400e-6 * 9.81 * math.sqrt(500.0)  # [m/s²]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,13 +168,13 @@ class TrunkSensorParameters(quantities.Parameters):
             deg; the bias of the gyroscope adds 0.3 deg).
     """
 
-    height: Annotated[quantities.Length, HEIGHTS] = 0.2
-    behind: Annotated[quantities.Length, DEPTHS] = 0.15
-    gyroscope_noise: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = GYROSCOPE_NOISE
-    gyroscope_bias: quantities.AngularVelocity = 0.1 * quantities.DEGREE
-    accelerometer_noise: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = ACCELEROMETER_NOISE
-    accelerometer_bias: quantities.Acceleration = 0.005 * 9.81
-    time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 3.0
+    height: Annotated[quantities.Length, HEIGHTS]
+    behind: Annotated[quantities.Length, DEPTHS]
+    gyroscope_noise: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE]
+    gyroscope_bias: quantities.AngularVelocity
+    accelerometer_noise: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE]
+    accelerometer_bias: quantities.Acceleration
+    time_constant: Annotated[quantities.Time, quantities.POSITIVE]
 
 
 COUNTS = quantities.integer_range(1, 2**26, "the finest encoders")
@@ -192,16 +200,16 @@ class SensorParameters(quantities.Parameters):
         trunk: Inertial unit of a free trunk.
     """
 
-    ideal: bool = True
-    encoder_counts: Annotated[int, COUNTS] = 8192
-    angle_noise: Annotated[quantities.Angle, quantities.NOT_NEGATIVE] = 0.0
+    ideal: bool
+    encoder_counts: Annotated[int, COUNTS]
+    angle_noise: Annotated[quantities.Angle, quantities.NOT_NEGATIVE]
     offset: Annotated[
         Mapping[Side, Mapping[JointName, quantities.Angle]], OFFSETS, quantities.UnitInKeys()
     ] = field(default_factory=dict)
-    fast_time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.005
-    decimation: Annotated[int, SAMPLES] = 10
-    window: Annotated[int, SAMPLES] = 10
-    trunk: TrunkSensorParameters = field(default_factory=TrunkSensorParameters)
+    fast_time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE]
+    decimation: Annotated[int, SAMPLES]
+    window: Annotated[int, SAMPLES]
+    trunk: TrunkSensorParameters
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is no noise on ideal encoders."""
@@ -234,15 +242,16 @@ LOWERINGS = quantities.Range(0.0, 60.0, exclusive_minimum=True, reason="a longer
 class SafetyParameters(quantities.Parameters):
     """Bounds of the safety monitor, and the hold after a trip.
 
-    Joint range and highest speed are those of the URDF, torque and current limits those of
-    :class:`LimitParameters`, the continuous current follows from the motor's continuous torque. A value
-    without a named source is an assumption, chosen so that the shipped gaits stay away from it by half.
+    Joint range, highest speed, torque and current are those of :class:`LimitParameters`, the continuous
+    current follows from the motor's continuous torque. A value without a named source is an assumption,
+    chosen so that the shipped gaits stay away from it by half.
 
     Attributes:
         enabled: Whether the monitor is on.
         stopping_deceleration: Deceleration with which a joint can be braked, in [rad/s²], for the stop
             distance: the limit of 60 N·m on the hip with the leg of a wearer, about 6 kg·m².
-        speed_share: Highest joint speed over that of the URDF, which is the motor's no-load speed.
+        speed_share: Highest joint speed over the speed limit of the joint, which is that of the URDF unless
+            ``control.limits`` states one.
         angle_step: Largest plausible change of an encoder in a tick in [rad]: 20 rad/s, five times the
             no-load speed.
         frozen_time: Time in [s] after which an encoder counts as frozen if its reading does not change at all
@@ -255,8 +264,7 @@ class SafetyParameters(quantities.Parameters):
         highest_command: Largest plausible command in [N·m].
         command_deviation: Largest filtered deviation in [N·m] of the command from the torque that the
             setpoint of the joint gives for the measurement of the next tick. In normal operation it is
-            reached when the spring and damper torque changes by 200 N·m, twice the hard torque limit, within
-            a tick.
+            reached when the spring and damper torque changes by 200 N·m within a tick.
         command_time_constant: Time constant of the filter of that deviation in [s].
         current_share: Measured current over the current limit above which the monitor trips at once.
         thermal_time_constant: Thermal time constant of the winding in [s] (maxon EC 90 flat data sheet).
@@ -272,26 +280,26 @@ class SafetyParameters(quantities.Parameters):
         lowering_time: Time in which the hold reduces its support of the leg's weight to 0, in [s].
     """
 
-    enabled: bool = True
-    stopping_deceleration: Annotated[quantities.AngularAcceleration, quantities.POSITIVE] = 10.0
-    speed_share: Annotated[quantities.Ratio, SHARES] = 1.0
-    angle_step: Annotated[quantities.Angle, STEPS] = 0.02
-    frozen_time: Annotated[quantities.Time, REACTIONS] = 0.01
-    frozen_speed: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.3
-    model_deviation: Annotated[quantities.Angle, DEVIATIONS] = 0.05
-    model_time_constant: Annotated[quantities.Time, OVERLOADS] = 0.2
-    model_resistance_ratio: Annotated[quantities.Ratio, SHARES] = 1.0
-    torque_time: Annotated[quantities.Time, OVERLOADS] = 0.5
-    highest_command: Annotated[quantities.Torque, quantities.POSITIVE] = 300.0
-    command_deviation: Annotated[quantities.Torque, quantities.POSITIVE] = 10.0
-    command_time_constant: Annotated[quantities.Time, REACTIONS] = 0.02
-    current_share: Annotated[quantities.Ratio, SHARES] = 1.2
-    thermal_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 52.6
-    drive_deviation: Annotated[quantities.Current, quantities.POSITIVE] = 1.0
-    drive_time: Annotated[quantities.Time, REACTIONS] = 0.02
-    phase_timeout: Annotated[quantities.Time, quantities.POSITIVE] = 5.0
-    frozen_load_time: Annotated[quantities.Time, OVERLOADS] = 0.1
-    min_voltage_share: Annotated[quantities.Ratio, VOLTAGES] = 0.6
-    voltage_time: Annotated[quantities.Time, REACTIONS] = 0.01
-    hold_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 60.0
-    lowering_time: Annotated[quantities.Time, LOWERINGS] = 3.0
+    enabled: bool
+    stopping_deceleration: Annotated[quantities.AngularAcceleration, quantities.POSITIVE]
+    speed_share: Annotated[quantities.Ratio, SHARES]
+    angle_step: Annotated[quantities.Angle, STEPS]
+    frozen_time: Annotated[quantities.Time, REACTIONS]
+    frozen_speed: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE]
+    model_deviation: Annotated[quantities.Angle, DEVIATIONS]
+    model_time_constant: Annotated[quantities.Time, OVERLOADS]
+    model_resistance_ratio: Annotated[quantities.Ratio, SHARES]
+    torque_time: Annotated[quantities.Time, OVERLOADS]
+    highest_command: Annotated[quantities.Torque, quantities.POSITIVE]
+    command_deviation: Annotated[quantities.Torque, quantities.POSITIVE]
+    command_time_constant: Annotated[quantities.Time, REACTIONS]
+    current_share: Annotated[quantities.Ratio, SHARES]
+    thermal_time_constant: Annotated[quantities.Time, quantities.POSITIVE]
+    drive_deviation: Annotated[quantities.Current, quantities.POSITIVE]
+    drive_time: Annotated[quantities.Time, REACTIONS]
+    phase_timeout: Annotated[quantities.Time, quantities.POSITIVE]
+    frozen_load_time: Annotated[quantities.Time, OVERLOADS]
+    min_voltage_share: Annotated[quantities.Ratio, VOLTAGES]
+    voltage_time: Annotated[quantities.Time, REACTIONS]
+    hold_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE]
+    lowering_time: Annotated[quantities.Time, LOWERINGS]

@@ -71,8 +71,8 @@ class StopParameters(quantities.Parameters):
         dissipation: Dissipation of a stop in [s/rad].
     """
 
-    stiffness: Annotated[quantities.RotaryStiffness, STOPS] = 2000.0
-    dissipation: Annotated[quantities.RotaryDissipation, quantities.NOT_NEGATIVE] = 0.5
+    stiffness: Annotated[quantities.RotaryStiffness, STOPS]
+    dissipation: Annotated[quantities.RotaryDissipation, quantities.NOT_NEGATIVE]
 
 
 ANKLE_REST = quantities.Range(
@@ -86,23 +86,23 @@ class AnkleParameters(quantities.Parameters):
 
     Attributes:
         stiffness: Stiffness in [N·m/rad]. Thirteen commercial orthoses of carbon composite have 33 to 210
-            (0.58 to 3.66 N·m/deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the
-            device is not published; the default was found together with the default gait table.
+            (0.58 to 3.66 N·m/deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of TWIN
+            is not published.
         relative_stiffness: Additional stiffness of an orthosis that is fitted to the wearer, divided by the
             weight of wearer and device times the height of the wearer. Two orthoses with 0.25 each keep a
             stiff body upright.
-        damping: Damping in [N·m·s/rad] (an assumption: at strides of 1.75 s the default dissipates a
-            third of the energy that the spring stores, and in the air the foot does not oscillate, with ζ
+        damping: Damping in [N·m·s/rad] (an assumption for TWIN: at strides of 1.75 s its value dissipates
+            a third of the energy that the spring stores, and in the air the foot does not oscillate, with ζ
             about 1.7).
         sides: Legs with an orthosis, or none if all legs have one.
         rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
             of foot and shank.
     """
 
-    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 75.0
-    relative_stiffness: Annotated[quantities.Ratio, RELATIVE] = 0.0
-    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 6.0
-    rest: Annotated[quantities.Angle, ANKLE_REST] = math.radians(7.0)
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE]
+    relative_stiffness: Annotated[quantities.Ratio, RELATIVE]
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE]
+    rest: Annotated[quantities.Angle, ANKLE_REST]
     sides: tuple[Side, ...] = ()
 
 

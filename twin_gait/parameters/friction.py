@@ -191,14 +191,3 @@ class LuGreFriction(StribeckFriction):
 
 
 FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction  # Law of a joint.
-
-# Table 3.1 of the thesis, as printed. The knee's a, b and c are all negative in it: the same law as (1.743,
-# 3.193, 0.2031). In both joints a < b, which the Simscape block on which the law is based would reject; it is
-# kept because it was measured between 0 and 0.6 rad/s.
-KNEE_FRICTION = FrictionParameters(
-    breakaway_torque=-1.743, coulomb_friction=-3.193, breakaway_velocity=-0.2031, viscous_friction=2.06
-)
-# Table 3.1 of the thesis, as printed.
-HIP_FRICTION = FrictionParameters(
-    breakaway_torque=1.664, coulomb_friction=4.2, breakaway_velocity=0.2252, viscous_friction=2.26
-)

@@ -79,6 +79,13 @@ class AllEntries:
     """Mark of a mapping that a file gives as a whole: entries that it leaves out do not exist."""
 
 
+class CommonValues:
+    """Mark of a mapping whose entries are sections, and whose values a file may give for all entries at once.
+
+    ``{torque_Nm: 60, current_A: 15, hip: {torque_Nm: 40}}``: the value of an entry replaces the common one.
+    """
+
+
 @dataclass(frozen=True)
 class UnitInKeys:
     """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, not of the field's key."""
@@ -130,6 +137,9 @@ Frequency = Annotated[
 ]
 HertzStiffness = Annotated[
     float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel compressed by 1 mm under 316 N"))
+]
+Inductance = Annotated[
+    float, QuantityUnits("H", symmetric_range(0.1, "a hundred times the inductance of the motors"))
 ]
 Inertia = Annotated[float, QuantityUnits("kgm2", symmetric_range(10.0, "a straight leg about its hip has 6"))]
 Length = Annotated[float, QuantityUnits("m", symmetric_range(3.0, "more than a person with raised arms"))]

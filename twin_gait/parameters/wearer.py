@@ -9,8 +9,6 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
-HEAVIEST_WEARER = 110.0  # Largest mass of the wearer in [kg] (thesis, table 2.1).
-
 # Shank over body height: Drillis and Contini, in Winter (2009), fig. 4.1. The tibia of the device is adjusted
 # to it (thesis, table 2.1); the range of the adjustment in [m] is an assumption.
 SHANK_LENGTH = 0.246
@@ -18,11 +16,12 @@ TIBIA_RANGE = (0.36, 0.48)
 _LOW, _HIGH = (length / SHANK_LENGTH for length in TIBIA_RANGE)
 HEIGHT_RANGE = (
     f"{math.ceil(1e3 * _LOW) / 1e3:g} to {math.floor(1e3 * _HIGH) / 1e3:g} m, which the tibia follows from "
-    f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (1.40 to 2.05 m with leg.fit_device: false)"
+    f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (0.70 to 2.20 m with leg.fit_device: false)"
 )
 
-MASSES = quantities.Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (the limit of TWIN)")
-HEIGHTS = quantities.Range(1.40, 2.05, words=HEIGHT_RANGE)
+# From a child of one to two years to a person who is twice as heavy as the subjects of the segment tables.
+MASSES = quantities.Range(10.0, 160.0, words="10 to 160 kg")
+HEIGHTS = quantities.Range(0.70, 2.20, words=HEIGHT_RANGE)
 NOISES = quantities.Range(0.0, 5.0, reason="five times the effort itself")
 CONTRACTURES = quantities.Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
@@ -79,8 +78,9 @@ class Patient(quantities.Parameters):
     The shipped gaits were tuned for a wearer without any torques of their own, so that is the default.
 
     Attributes:
-        mass: Mass in [kg], at most ``HEAVIEST_WEARER``.
-        height: Height in [m].
+        mass: Mass in [kg]. Outside the range of the segment table's subjects it is extrapolated
+            (:func:`twin_gait.leg_model.anthropometry.wearer_notes`).
+        height: Height in [m]; extrapolated as the mass is.
         sex: Sex for the segment tables of de Leva (1996).
         segment_model: Source of the table of segments; that of Winter (2009) is the same for both sexes.
         conditions: Conditions of hips and knees; a joint that is not named has no torques.

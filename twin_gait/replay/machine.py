@@ -27,7 +27,6 @@ from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.quantities import POSITIVE
 from twin_gait.replay.recording import LogFormat, is_normative, normative_walk, read_recording
 from twin_gait.replay.samples import Recording
@@ -97,12 +96,12 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
 
 def _leg_signals(recording: Recording, table: GaitTable, side: Side) -> Signals:
     """Compute the signals of a leg: angles as its boards measure them, fast velocity estimates, the load."""
-    sensors, found = SensorParameters(), Signals()
+    found, slowest = Signals(), 1  # the slow velocity is not read
     gain = first_order_gain(TICK, recording.fast_time_constant)
     for joint in (joint for joint in table.joints if (side, joint) in recording.angles):
-        encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
+        encoder, measured = new_encoder(0.0, 0.0, slowest), np.zeros((2, recording.n_ticks))
         for tick, value in enumerate(recording.angles[side, joint].tolist()):
-            measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
+            measure_joint(encoder, tick, value, TICK, gain, slowest)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
         angle, velocity = measured
         found[signals.ANGLE.joint_signal_name(joint)] = angle
@@ -197,7 +196,7 @@ def replay_log(
         if walking is not None:
             speed, height = speed or walking.speed, None if patient is None else patient.height
     if mass is not None:
-        recording = replace(recording, body_weight=mass * PlantParameters().gravity)
+        recording = replace(recording, body_weight=mass * PlantParameters.gravity)
     return replay(recording, scale_table(chosen, carried_mass=None, speed=speed, height=height))
 
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from twin_gait.configuration.device_file import load_device
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.experiment import LONGEST_RUN
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.vocabulary import JointName, Side
 
 # A log whose instants equal the ticks to this precision is used without resampling.
@@ -32,6 +32,12 @@ class Gap(NamedTuple):
     length: float  # time from the last sample before the gap to the first one behind it in [s]
 
 
+def _time_constant_of_twin() -> float:
+    """Return the time constant of the velocity filter of TWIN in [s]."""
+    sensors = load_device("twin").parameters()["sensors"]
+    return float(sensors.fast_time_constant)
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """A walk with one value per tick."""
@@ -49,7 +55,7 @@ class Recording:
     starts: Mapping[Side, str] = field(default_factory=dict)
     # phases into which operating modes sent both legs, by tick
     postures: Mapping[int, str] = field(default_factory=dict)
-    fast_time_constant: float = SensorParameters.fast_time_constant  # of the velocity filter in [s]
+    fast_time_constant: float = field(default_factory=_time_constant_of_twin)  # of the velocity filter in [s]
     gaps: tuple[Gap, ...] = ()  # gaps that were interpolated
     warnings: tuple[str, ...] = ()  # doubtful properties of the log, one line each
 

@@ -1,5 +1,6 @@
 """Page of a device: joints and drives, torque over speed, limits, masses, and the sources of its numbers."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -11,6 +12,7 @@ from twin_gait.core.actuator import (
     torque_to_current,
     voltage_limited_current,
 )
+from twin_gait.experiment.device import check_motion_limits
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.drives import ActuatorParameters, LimitParameters
 from twin_gait.parameters.quantities import from_attributes
@@ -22,32 +24,39 @@ SPEED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # speeds of the torque curve over th
 def describe_device(device: Device) -> dict[str, Any]:
     """Return the properties of a device for its page and its JSON document.
 
-    ``joints`` has a row for each joint with its name in the URDF and its range; ``drives`` a row for each
-    drive, with the available torque in [N·m] at :data:`SPEED_SHARES` of the no-load speed; ``numbers`` a row
-    for each number with its value in SI, the device that states it, and its source. Raises ModelError if the
-    URDF cannot be used.
+    ``mass_kg`` is that of links and parts on the wearer's segments. ``joints`` has a row for each joint with
+    its name in the URDF and its range; ``drives`` a row for each drive, with the limits of its joint, the
+    ceiling of the torque limit, and the available torque in [N·m] at :data:`SPEED_SHARES` of the no-load
+    speed; ``numbers`` a row for each number with its value in SI, the device that states it, and its source.
+    Raises ModelError if the URDF cannot be used, and ParameterError if a limit exceeds that of the URDF.
     """
     parameters, document = device.parameters(), device.document()
-    plant, limits, leg = parameters["plant"], parameters["control"].limits, parameters["leg"]
+    plant, control, leg = parameters["plant"], parameters["control"], parameters["leg"]
     model = LegModel(leg.urdf, leg.legs, pelvis=PelvisGuide.FIXED, fit_device=False, up_axis=leg.up_axis)
+    check_motion_limits(control, model)
     joints = []
     for side, names in leg.legs.items():
         for joint, name in names.items():
-            lower, upper = model.position_limits(side, joint)
+            lower, upper = control.joint_range(model, side, joint)
             effort = model.effort_limit(side, joint)
             row = {
                 "side": str(side),
                 "joint": str(joint),
                 "urdf_joint": name,
-                "driven": joint in plant.actuators,
+                "driven": joint in plant.actuators and side in (leg.driven_sides or leg.legs),
             }
             joints.append({**row, "lower_rad": lower, "upper_rad": upper, "urdf_effort_Nm": effort})
-    voltage = plant.battery.voltage
+    voltage, limits = plant.battery.voltage, control.limits
+    speeds = {
+        joint: control.highest_speed(model, side, joint)
+        for side, names in leg.legs.items()
+        for joint, _ in names.items()
+    }
     return {
         "name": device.name,
         "description": device.description,
         "path": str(device.path),
-        "mass_kg": model.total_mass,
+        "mass_kg": model.total_mass + sum(part.mass for part in leg.attachment.masses.values()),
         "joints": joints,
         "drives": [
             {
@@ -56,11 +65,14 @@ def describe_device(device: Device) -> dict[str, Any]:
                 "armature_kgm2": drive.armature,
                 "continuous_torque_Nm": drive.continuous_torque,
                 "no_load_speed_rad_per_s": no_load_speed(drive, voltage),
-                "torque_Nm": torque_curve(drive, voltage, limits),
+                "torque_limit_Nm": limits[joint].torque,
+                "torque_ceiling_Nm": drive.torque_ceiling(voltage),
+                "current_limit_A": limits[joint].current,
+                "speed_limit_rad_per_s": speeds[joint] if math.isfinite(speeds[joint]) else None,
+                "torque_Nm": torque_curve(drive, voltage, limits[joint]),
             }
             for joint, drive in plant.actuators.items()
         ],
-        "limits": document["control"]["limits"],
         "battery": document["plant"]["battery"],
         "numbers": list(_numbers(device, document)),
     }

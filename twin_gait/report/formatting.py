@@ -95,6 +95,14 @@ def describe_supply_loss(loss: Mapping[str, Any]) -> str:
     return line if opened is None else f"{line}; with open windings at up to {descent(opened)}"
 
 
+def extrapolation_note(summary: Mapping[str, Any]) -> str:
+    """Return sentences about the wearer if the model is extrapolated; otherwise an empty string.
+
+    ``summary``: summary of a run; those of earlier versions lack the notes.
+    """
+    return str((summary.get("patient") or {}).get("notes", ""))
+
+
 def unstable_step_note(summary: Mapping[str, Any]) -> str:
     """Return a sentence if the energy balance shows that the step was too large; otherwise an empty string.
 

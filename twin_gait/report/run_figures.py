@@ -141,7 +141,7 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
 
 def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the parts of the command torque and the motor torque, and torques of the wearer's own gait."""
-    window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
+    window, limits = canvas.last_strides(run), run.experiment.control.limits
     sheet = RunFigure(run, "Motor torques and their parts", (width, 8.0), window)
     for axes, record, joint in sheet.leg_panels("torque_Nm"):
         name = f"{record.side}_{joint}_"
@@ -152,16 +152,18 @@ def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
             if np.any(run.log[f"{name}{part}_torque_Nm"].to_numpy()[window] != 0.0):
                 sheet.curve(axes, name, f"{part}_torque_Nm", colour, linewidth=1.3)
         sheet.curve(axes, name, "motor_torque_Nm", BLACK, linewidth=2.0)
+        limit = limits[joint].torque
         sheet.limits(axes, (limit, -limit), "--", "torque limit", 1.0)
     return sheet.finish_time_plot()
 
 
 def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor."""
-    limits, plant = run.experiment.control.limits, run.experiment.plant
+    experiment = run.experiment
     sheet = RunFigure(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
     for axes, record, joint in sheet.leg_panels("current_A", driven=True):
-        name, actuator = f"{record.side}_{joint}_", plant.actuators[joint]
+        name, actuator = f"{record.side}_{joint}_", experiment.plant.actuators[joint]
+        limits = experiment.control.limits[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
         sheet.curve(axes, name, "target_current_A", ORANGE, linewidth=2.4)
         sheet.curve(axes, name, "measured_current_A", BLACK, linewidth=1.2)

@@ -277,7 +277,7 @@ class MeasuredLeg:
                 self.column(joint, "motor_command_torque_Nm"),
                 self.column(joint, "target_current_A"),
                 self.column(joint, "measured_current_A"),
-                limits,
+                limits[joint],
             )
             for joint in self.record.driven
         }

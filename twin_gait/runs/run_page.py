@@ -9,6 +9,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.report.formatting import (
     belt_carries_note,
     describe,
+    extrapolation_note,
     missing_peaks,
     unstable_step_note,
     walk_table,
@@ -30,7 +31,7 @@ def page_texts(stored: StoredRun, other: StoredRun | None = None) -> PageTexts:
     subtitle = describe(run.experiment)
     other_subtitle = subtitle if other is None else describe(other.run.experiment)
     try:
-        first = unstable_step_note(summary), belt_carries_note(summary)
+        first = unstable_step_note(summary), belt_carries_note(summary), extrapolation_note(summary)
         notes = [*filter(None, first), *missing_peaks(summary)]
         walk = walk_table(summary)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -16,6 +16,7 @@ from twin_gait.configuration.identity import identify_parts, identify_wearer
 from twin_gait.experiment.experiment import Experiment, IntegrationMethod
 from twin_gait.files import to_json_value
 from twin_gait.gait.table import TICK
+from twin_gait.leg_model.anthropometry import wearer_notes
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, normalise_strides, symmetry_index
@@ -96,6 +97,7 @@ def describe_identity(experiment: Experiment) -> dict[str, Any]:
     if patient is not None:
         wearer = {**asdict(identify_wearer(patient)), "mass_kg": patient.mass, "height_m": patient.height}
         wearer["name"] = patient.name
+        wearer["notes"] = " ".join(wearer_notes(patient, experiment.leg.heaviest_wearer))
     parts = {key: asdict(part) for key, part in identify_parts(experiment).items()}
     if controller is not None:
         parts["controller"] |= controller.summary

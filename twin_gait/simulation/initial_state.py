@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from twin_gait.control import gait_controller as ccu
 from twin_gait.control.controller import controller_error, require_whole_numbers
-from twin_gait.control.joint_board import BoardState, Limits, SamplingConfig
+from twin_gait.control.joint_board import BoardState, CommandLimits, Limits, SamplingConfig
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import ContactState
@@ -134,9 +134,7 @@ def build_limits(setup: SimulationSetup, network: NetworkParameters | None) -> L
     control = setup.experiment.control
     safety = control.safety
     monitored = network if safety.enabled else None
-    return from_attributes(
-        Limits,
-        control.limits,
+    return Limits(
         phase_ticks=phase_timeout_ticks(setup),
         frozen_load_ticks=to_ticks(safety.frozen_load_time),
         controller_timeout=NEVER if monitored is None else to_ticks(monitored.board_timeout),
@@ -297,6 +295,7 @@ def _joint(setup: SimulationSetup, number: int) -> episode.Joint:
             encoder=new_encoder(resolution, angle, experiment.sensors.window),
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
+            limits=from_attributes(CommandLimits, experiment.control.limits[joint.joint]),
             bounds=_bounds(setup, number),
             # The first frame may arrive later by this number of ticks.
             ticks_since_message=-setup.bus_delay,
@@ -311,25 +310,24 @@ def _joint(setup: SimulationSetup, number: int) -> episode.Joint:
 def _bounds(setup: SimulationSetup, number: int) -> Bounds:
     """Return the bounds of the safety monitor for a joint."""
     joint, control, model = setup.joints[number], setup.experiment.control, setup.control_model
-    settings, motor = control.safety, setup.actuator(joint)
-    lower, upper = model.position_limits(joint.side, joint.joint)
+    settings, motor, limits = control.safety, setup.actuator(joint), control.limits[joint.joint]
+    lower, upper = control.joint_range(model, joint.side, joint.joint)
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     cooling = min(1.0, TICK / settings.thermal_time_constant)
     resistance = motor.resistance + setup.experiment.plant.electronics.inverter_resistance
-    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 if the URDF has no limit
     return from_attributes(
         Bounds,
         settings,
         lower=lower,
         upper=upper,
-        highest_speed=settings.speed_share * (fastest if fastest > 0.0 else math.inf),
+        highest_speed=settings.speed_share * control.highest_speed(model, joint.side, joint.joint),
         stop_distance_factor=0.5 / settings.stopping_deceleration,
         frozen_ticks=to_ticks(settings.frozen_time),
         model_gain=min(1.0, TICK / settings.model_time_constant),
-        highest_torque=control.limits.torque,
+        highest_torque=limits.torque,
         torque_ticks=to_ticks(settings.torque_time),
         command_gain=min(1.0, TICK / settings.command_time_constant),
-        highest_current=settings.current_share * control.limits.current,
+        highest_current=settings.current_share * limits.current,
         heating=cooling / (continuous * continuous),
         cooling=cooling,
         drive_ticks=to_ticks(settings.drive_time),

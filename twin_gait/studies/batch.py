@@ -22,6 +22,7 @@ from twin_gait.configuration.experiments import (
     LoadedExperiment,
     experiment_from_mapping,
     load_named_document,
+    replace_device,
 )
 from twin_gait.configuration.validation import (
     assign,
@@ -122,7 +123,7 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
 Override = Mapping[str, Any]
 FlatSummary = dict[str, float | str | bool | None]
 # Keys whose values may be names of entities that are replaced as a whole.
-REPLACEABLE_KEYS = ("patient", "table")
+REPLACEABLE_KEYS = ("device", "patient", "table", "scenario")
 # Meaning of names, by key and name_of: mappings of an experiment document; paths under FILES.
 FILES = "files"
 Named = Mapping[str, Mapping[str, Any]]
@@ -213,6 +214,9 @@ def apply_override(
             named = known.get(key, {}).get(value_to_text(plain)) or load_named_document(
                 key, plain, Path(source)
             )
+            if named is not None and key == "device":
+                document = replace_device(document, named)
+                continue
             if named is not None:
                 document, plain = {**document, key: None}, named  # nothing of the former value remains
         if (file := named_file(key, plain)) is not None:
@@ -226,8 +230,9 @@ def override_experiment(experiment: Experiment, override: Override) -> Experimen
     """Return the experiment with some values changed, as ``--set`` changes them.
 
     ``override``: values by keys of its document, joined by dots, list positions in brackets; a quantity may
-    be given in any unit that its file accepts. A mapping is merged into the existing one. ``patient`` and
-    ``table`` may be replaced by name or path; other keys are then applied to the new ones.
+    be given in any unit that its file accepts. A mapping is merged into the existing one. ``device``,
+    ``patient``, ``table`` and ``scenario`` may be replaced by name or path; other keys are then applied to
+    the new ones.
     """
     return apply_override(attach_document(experiment), override)
 

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Unpack
 import numpy as np
 
 from twin_gait import __version__
-from twin_gait.experiment.device import ControlParameters, PlantParameters
+from twin_gait.configuration.bench_device import BENCH_DEVICE, bench_joint
+from twin_gait.configuration.device_file import load_device
 from twin_gait.files import write_atomically, write_json
 from twin_gait.parameters import quantities
-from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.simulation.bench_joint.episode import LOG_COLUMNS, BenchVariation
@@ -23,15 +23,7 @@ from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.jobs import WorkCallbacks, run_jobs
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import LOWEST_VELOCITIES, CosinePath, DutyControl, TorqueControl
-from twin_gait.worlds.bench_joint import (
-    BENCH_FRICTION,
-    HORIZONTAL,
-    BenchFriction,
-    BenchJoint,
-    DriveParameters,
-    bench_joint,
-    winding_inductance,
-)
+from twin_gait.worlds.bench_joint import HORIZONTAL, BenchJoint
 
 WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3
 TESTS_PER_WEIGHT = 9
@@ -69,25 +61,24 @@ class Campaign(quantities.Parameters):
     """A campaign on one joint.
 
     Attributes:
-        joint: Joint of the bench, which names the logs.
+        joint: Joint with a drive.
         protocol: Way in which the joint is moved.
         seed: Seed of everything that is random.
-        bench: Bench without weight and controller; None for the bench of the knee or the hip.
-        friction_model: Friction model of the controller; None for table 3.1 of the thesis.
+        device: Name of a shipped device, or path of a file, with drive and friction of the joint.
+        bench: Bench without weight and controller; None for the bench of the joint of the device.
         cycles: Number of back-and-forth cycles in a motor-driven test.
     """
 
     joint: JointName
     protocol: Protocol = Protocol.DROP
     seed: Annotated[int, quantities.SEEDS] = 0
+    device: str = BENCH_DEVICE
     bench: BenchJoint | None = None
-    friction_model: FrictionParameters | None = None
     cycles: Annotated[int, quantities.integer_range(1, 1000, "half an hour of strides")] = 4
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        known = self.joint in BENCH_FRICTION or None not in (self.bench, self.friction_model)
-        quantities.require(known, "joint", "knee or hip, or a bench and a friction model", str(self.joint))
+        self.plain_bench()  # raises an error for a joint without a drive
 
     def plain_bench(self) -> BenchJoint:
         """Return the bench to start from, with a friction ripple of 0.3 N·m.
@@ -96,30 +87,16 @@ class Campaign(quantities.Parameters):
         """
         if self.bench is not None:
             return self.bench
-        friction = BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3)
-        return bench_joint(self.joint, friction=friction)
+        bench = bench_joint(self.joint, self.device)
+        return replace(bench, friction=replace(bench.friction, ripple=0.3))
 
-
-def device_campaign(
-    joint: JointName, plant: PlantParameters, control: ControlParameters, sensors: SensorParameters,
-    **settings: Any,
-) -> Campaign:  # fmt: skip
-    """Return a campaign on a joint of a device, with its drive, friction, battery, limits and encoder.
-
-    The friction is the stated law, without its ratio and without ripple. ``settings``: further fields of
-    :class:`Campaign`. Raises ParameterError if a value is out of its range.
-    """
-    actuator = plant.actuators[joint]
-    bench = BenchJoint(
-        actuator=actuator,
-        drive=DriveParameters(inductance=winding_inductance(actuator)),
-        friction=BenchFriction(law=plant.friction[joint]),
-        control=None,
-        battery=plant.battery,
-        sensors=replace(sensors, ideal=False, offset={}),
-        limits=control.limits,
-    )
-    return Campaign(joint=joint, bench=bench, friction_model=control.friction_model[joint], **settings)
+    @property
+    def friction_model(self) -> FrictionParameters:
+        """Friction model of the compensator of the device; without a gain it is not used."""
+        model: FrictionParameters = (
+            load_device(self.device).parameters()["control"].friction_model[self.joint]
+        )
+        return model
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +173,7 @@ def _two_way(campaign: Campaign, number: int) -> tuple[dict[str, float], dict[st
     amplitude, frequency = -speed * TWO_WAY_PERIOD / math.pi, 1.0 / TWO_WAY_PERIOD
     armature = campaign.plain_bench().actuator.armature
     control = TorqueControl(
-        friction_model=campaign.friction_model or BENCH_FRICTION[campaign.joint],
+        friction_model=campaign.friction_model,
         friction_compensation_gain=0.0,
         stiffness=TWO_WAY_STIFFNESS,
         damping=2.0 * TWO_WAY_DAMPING_RATIO * math.sqrt(TWO_WAY_STIFFNESS * armature),

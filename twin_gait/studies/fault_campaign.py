@@ -67,7 +67,7 @@ def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
 
 def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fault:
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
-    sides = list(experiment.leg.legs)
+    sides = list(experiment.sides)
     side = sides[int(generator.integers(len(sides)))]
     joints = experiment.joints
     joint = joints[int(generator.integers(len(joints)))]
@@ -91,12 +91,14 @@ def fault_row(run: Run) -> dict[str, Any]:
     """
     (fault,) = run.experiment.faults
     trip, limits = run.trip, run.experiment.control.limits
-    prefixes = [f"{side}_{joint}" for side in run.sides for joint in run.table.joints]
-    # Largest magnitudes; NaN if a value is empty.
+    joints = [(side, joint) for side in run.sides for joint in run.experiment.joints]
+    # Largest magnitudes of each joint; NaN if a value is empty.
     torque, current = (
-        float(np.abs(run.log[[f"{prefix}_{name}" for prefix in prefixes]].to_numpy()).max())
+        np.array([np.abs(run.log[f"{side}_{joint}_{name}"].to_numpy()).max() for side, joint in joints])
         for name in ("motor_torque_Nm", "measured_current_A")
     )
+    torque_limit = np.array([limits[joint].torque for _, joint in joints])
+    current_limit = np.array([limits[joint].current for _, joint in joints])
     plant = [name for name in run.log if not str(name).endswith(_MEASURED)]
     late = math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK
     return {
@@ -111,9 +113,11 @@ def fault_row(run: Run) -> dict[str, Any]:
         "trip_location": "" if trip is None else trip.location,
         "trip_time_s": math.nan if trip is None else trip.time,
         "detection_s": math.nan if late < 0.0 else late,
-        "torque_peak_Nm": torque,
-        "current_peak_A": current,
-        "within_limits": torque <= limits.torque + _ROUNDING and current <= limits.current + _ROUNDING,
+        "torque_peak_Nm": float(torque.max()),
+        "current_peak_A": float(current.max()),
+        "within_limits": bool(
+            np.all(torque <= torque_limit + _ROUNDING) and np.all(current <= current_limit + _ROUNDING)
+        ),
         "null_values": int((~np.isfinite(run.log[plant].to_numpy())).sum()),
         "hold_kept": trip is None or bool((run.log["safety_state"].iloc[trip.tick + 2 :] == 1.0).all()),
     }

@@ -5,24 +5,21 @@ found again; *assumption* has no source, and its reason is given next to it.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 from twin_gait.parameters import quantities
 from twin_gait.parameters.drives import (
-    HIP_ACTUATOR,
-    KNEE_ACTUATOR,
     ActuatorParameters,
     BatteryParameters,
     LimitParameters,
     SensorParameters,
 )
 from twin_gait.parameters.environment import StopParameters
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionLaw
+from twin_gait.parameters.friction import FrictionLaw
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import DutyControl, TorqueControl
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
@@ -30,9 +27,6 @@ HORIZONTAL = math.pi / 2.0  # [rad], angle at which the fall begins (thesis 2.3.
 STOP_ANGLE = math.radians(125.0)  # angle at which the fall ends (thesis, appendix B)
 LOWER_STOP = math.radians(-4.0)  # angle of the lower stop (thesis 2.4)
 TEMPERATURES = quantities.Range(-40.0, 100.0, reason="temperatures that greases of such gears tolerate")
-INDUCTANCES = quantities.Range(
-    0.0, 0.1, exclusive_minimum=True, reason="a hundred times the inductance of the motors"
-)
 BANDWIDTHS = quantities.Range(
     0.0, 2e5, exclusive_minimum=True, reason="the rate of the fastest loops, in rad/s"
 )
@@ -96,7 +90,7 @@ class LinkParameters(quantities.Parameters):
     inertia: Annotated[quantities.Inertia, quantities.POSITIVE] = 0.02
     moment: Annotated[float, MOMENT, quantities.NOT_NEGATIVE] = 0.0
     load_angle: LoadAngle = LoadAngle.CORRECTED
-    stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5))
+    stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5, dissipation=0.5))
     lower_stop: Annotated[quantities.Angle, BENCH_STOPS] = LOWER_STOP
     upper_stop: Annotated[quantities.Angle, BENCH_STOPS] = STOP_ANGLE
 
@@ -168,7 +162,7 @@ class DriveParameters(quantities.Parameters):
         delay: Periods of the loop between a sample and its use; an assumption.
     """
 
-    inductance: Annotated[float, quantities.QuantityUnits("H"), INDUCTANCES]
+    inductance: Annotated[quantities.Inductance, quantities.POSITIVE]
     pole_pairs: Annotated[int, POLE_PAIRS] = 12
     rate: Annotated[quantities.Frequency, quantities.POSITIVE] = 20_000.0
     counts: Annotated[int, DUTY_COUNTS] = 6000
@@ -219,28 +213,6 @@ class Torsion(quantities.Parameters):
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 5.0
 
 
-# Drives of the joints on the bench.
-BENCH_ACTUATORS = {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
-# Friction of the joints on the bench, table 3.1 of the thesis.
-BENCH_FRICTION = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
-KNEE_INDUCTANCE = 0.264e-3  # Inductance L of the 24 V winding in [H], data sheet.
-
-
-def winding_inductance(actuator: ActuatorParameters) -> float:
-    r"""Compute the inductance of a motor in [H], as of another winding of the motor of the knee.
-
-    :math:`L = L_{24\,V} (K_t / K_{t,\,24\,V})^2`, as the resistance of windings of one motor; for a motor of
-    another type this is an assumption, which affects only the current loop.
-    """
-    return KNEE_INDUCTANCE * (actuator.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2
-
-
-# Inductance of the joints on the bench: 0.264 mH for the knee, 0.264 (0.109/0.0705)² = 0.63 mH for the hip.
-BENCH_INDUCTANCE: Mapping[JointName, float] = {
-    joint: winding_inductance(actuator) for joint, actuator in BENCH_ACTUATORS.items()
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class BenchJoint(quantities.Parameters):
     """Test on the joint bench.
@@ -273,12 +245,12 @@ class BenchJoint(quantities.Parameters):
     friction: BenchFriction
     control: DutyControl | TorqueControl | None
     link: LinkParameters = field(default_factory=LinkParameters)
-    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    battery: BatteryParameters
     efficiency: CatalogueEfficiency | None = None
     torsion: Torsion | None = None
-    sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
+    sensors: SensorParameters
     inertial_unit: InertialUnit | None = None
-    limits: LimitParameters = field(default_factory=LimitParameters)
+    limits: LimitParameters
     imposed_motion: ImposedMotionParameters | None = None
     start_angle: Annotated[quantities.Angle, BENCH_STOPS] = HORIZONTAL
     start_velocity: quantities.AngularVelocity = 0.0
@@ -296,17 +268,8 @@ class BenchJoint(quantities.Parameters):
         require(counted, "drive counts", expected, self.drive.counts)
 
 
-def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
-    """Return the bench with the motor and friction of a joint, knee or hip.
-
-    Without ``control`` the winding is open. ``changes``: attributes of :class:`BenchJoint` that differ.
-    Raises ParameterError if there is no such joint on the bench, or if a value is out of its range.
-    """
-    require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
-    usual = BenchJoint(
-        actuator=BENCH_ACTUATORS[joint],
-        drive=DriveParameters(inductance=BENCH_INDUCTANCE[joint]),
-        friction=BenchFriction(law=BENCH_FRICTION[joint]),
-        control=None,
-    )
-    return replace(usual, **changes)  # type: ignore[arg-type]
+def __getattr__(name: str) -> Any:
+    """Return a name that is now in :mod:`twin_gait.configuration.bench_device`."""
+    if name in ("BENCH_ACTUATORS", "BENCH_FRICTION", "bench_joint"):
+        return getattr(import_module("twin_gait.configuration.bench_device"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

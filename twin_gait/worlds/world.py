@@ -23,8 +23,10 @@ from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.environment import ContactParameters
 from twin_gait.parameters.quantities import (
+    POSITIVE,
     Angle,
     Inline,
+    Mass,
     Parameters,
     UnitInKeys,
     declarations,
@@ -47,6 +49,8 @@ class LegSource(Parameters):
         driven_sides: Legs of the device, or none if it has all legs of the URDF.
         attachment: Parts of the device on the segments of the wearer, in addition to the links of the URDF.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
+        heaviest_wearer: Largest mass of the wearers for whom the device is made, in [kg]; None if it is not
+            known. A heavier wearer is simulated, with a note.
     """
 
     urdf: str = "twin.urdf"
@@ -56,6 +60,7 @@ class LegSource(Parameters):
     driven_sides: tuple[Side, ...] = ()
     attachment: Attachment = field(default_factory=Attachment)
     up_axis: Literal["y", "z"] = "z"
+    heaviest_wearer: Annotated[Mass | None, POSITIVE] = None
 
     def __post_init__(self) -> None:
         """Check that there is at least one leg."""

@@ -15,7 +15,7 @@ from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.friction import KNEE_FRICTION
+from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
@@ -191,5 +191,8 @@ def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:
 
 def _torque_control(test: BenchJoint) -> TorqueControl:
     if not isinstance(test.control, TorqueControl):
-        return TorqueControl(friction_model=KNEE_FRICTION)  # not used
+        none = FrictionParameters(
+            breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0
+        )
+        return TorqueControl(friction_model=none)  # not used
     return replace(test.control, friction_model=test.control.friction_model.normalised())

@@ -18,7 +18,7 @@ def set_drive(e: Episode, number: int, tick: int) -> None:
     """Set the target current of a drive, with a delayed command or, if its board reboots, 0."""
     joint = e.joints[number]
     board = joint.board
-    set_current(board, e.limits, joint.due_command if WITH_DELAY else board.command.torque)
+    set_current(board, joint.due_command if WITH_DELAY else board.command.torque)
     if WITH_DELAY:
         joint.due_command = delayed_sample(joint.line, tick, board.command.torque)
     if WITH_NETWORK and joint.off:

@@ -61,7 +61,8 @@ def _drive_faulty(e: Episode, number: int, tick: int) -> None:
     elif row != NO_FAULT and not joint.board.command.drive_off:
         motor, index, fault, expected = joint.motor, joint.index, e.faults[row], joint.current
         wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
-        target = target_current(motor, wrong, e.limits.torque, e.limits.current)
+        limits = joint.board.limits
+        target = target_current(motor, wrong, limits.torque, limits.current)
         joint.current, e.motor[index] = drive_motor(motor, target, e.v[index], e.supply.bus_voltage)
         joint.current_deviation = joint.current - expected
 

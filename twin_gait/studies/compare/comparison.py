@@ -14,7 +14,7 @@ from twin_gait.control.controllers.assistance import AssistanceParameters
 from twin_gait.experiment.device import ControlMode
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.quantities import require
-from twin_gait.parameters.wearer import HEAVIEST_WEARER
+from twin_gait.parameters.wearer import MASSES
 from twin_gait.simulation.run import Run
 from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
@@ -164,7 +164,7 @@ def draw_sample(experiment: Experiment, seed: int) -> Experiment:
     conditions = {
         key: replace(item, effort=min(1.0, form * item.effort)) for key, item in patient.conditions.items()
     }
-    patient = replace(patient, mass=min(HEAVIEST_WEARER, weight * patient.mass), conditions=conditions)
+    patient = replace(patient, mass=min(MASSES.maximum, weight * patient.mass), conditions=conditions)
     friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}
     plant = replace(plant, friction_ratio=friction)
     if scenario.has_adjustments(BELT_SPEED):

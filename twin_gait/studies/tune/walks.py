@@ -15,7 +15,7 @@ from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
-from twin_gait.parameters.wearer import HEAVIEST_WEARER
+from twin_gait.parameters.wearer import MASSES
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import identity, override_experiment, run_episodes, walking_wearer
 from twin_gait.studies.jobs import WorkCallbacks
@@ -136,7 +136,7 @@ def _with_true_mass(walked: Experiment, ratio: float) -> Experiment:
     """
     _, patient = walking_wearer(walked)
     table, control = walked.table, replace(walked.control, patient=walked.control.patient or patient)
-    mass = min(HEAVIEST_WEARER, ratio * patient.mass)
+    mass = min(MASSES.maximum, ratio * patient.mass)
     reference = table.scaling.carried_mass
     if reference is not None:
         # The law divides the carried mass, which the scenario states, by its reference.
