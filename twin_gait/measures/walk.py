@@ -27,7 +27,6 @@ from twin_gait.measures import strides
 from twin_gait.measures.foot_contact import CONTACT_FORCE, find_swings, is_loaded, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
-from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import mean
 from twin_gait.vocabulary import JointName, Side
 
@@ -76,7 +75,7 @@ def walk_measures(
     assert leg.clearance is not None and force is not None
     bounds = leg.strides(skip=skip)
     times = strides.stride_times(bounds, leg.tick)
-    entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
+    entries = np.zeros(0, dtype=int) if swing_phase is None else leg.phase_entries(swing_phase)
     fore_aft = np.asarray(log[f"{leg.side}_foot_friction_force_N"])
     load = force / walkway.carried_weight
     counted = strides.is_in_stride(find_swings(contacts)[:, 0], bounds)
@@ -90,7 +89,7 @@ def walk_measures(
         "cop_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_cop_ratio"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances, default=math.nan)),
-        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway), bounds) * mean(times),
+        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway, leg.loaded), bounds) * mean(times),
         **_swing(force, entries[strides.is_in_stride(entries, bounds)], bounds),
         "belt_power_W": -mean_over_strides(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),
@@ -243,7 +242,9 @@ def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]
     }
 
 
-def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) -> np.ndarray:
+def slip_speed(
+    fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions, loaded: np.ndarray | None = None
+) -> np.ndarray:
     r"""Compute the speed of a loaded sole on the belt, from the law of its friction.
 
     .. math::
@@ -254,16 +255,19 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) 
     Where points of the sole move at different speeds, the result is approximately the speed of the points
     that carry load.
 
-    ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``.
-    Returns the speed in [m/s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
+    ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``;
+    ``loaded``: result of :func:`is_loaded`, computed by default. Returns the speed in [m/s], shape ``(n,)``;
+    0 where the foot is not loaded, NaN without friction.
     """
-    loaded = is_loaded(load)
+    if loaded is None:
+        loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
         return np.where(loaded, np.nan, 0.0)
-    ratio = np.abs(fore_aft[loaded]) / (walkway.friction_coefficient * load[loaded])
+    ticks = np.flatnonzero(loaded)
+    ratio = np.abs(fore_aft[ticks]) / (walkway.friction_coefficient * load[ticks])
     speed = np.zeros(len(load))
     # Rounding keeps the hyperbolic tangent below 1 up to 18 transition velocities.
-    speed[loaded] = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
+    speed[ticks] = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
     return speed
 
 
