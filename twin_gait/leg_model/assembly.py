@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -28,22 +29,37 @@ LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 Source = tuple[Path, str, tuple[tuple[Side, LegJoints], ...], PelvisGuide, str]
 
 
-def new_assembly(
-    path: Path,
-    legs: Mapping[Side, LegJoints],
-    pelvis: PelvisGuide,
-    up_axis: str,
-    sizes: anthropometry.DeviceSizes | None,
+class Fitting(NamedTuple):
+    """All that turns the device of a URDF into a model of device and wearer."""
+
+    sizes: anthropometry.DeviceSizes | None  # Sizes of the device; None leaves the URDF as it is.
+    patient: Patient | None  # Wearer whose segments are added; None adds nothing.
+    wearer_only: bool  # Whether the links of the device have no mass.
+    gravity: float  # Magnitude in [m/s²].
+    armature: tuple[tuple[JointName, float], ...]  # Inertia of rotor and gear per joint in [kg·m²].
+
+
+def complete_assembly(
+    path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str, fitting: Fitting
 ) -> "Assembly":
-    """Return a new copy of the device of a URDF, fitted to some sizes unless they are None.
+    """Return the device of a URDF with a fitting; equal arguments share one assembly, which nobody changes.
 
     The other arguments and the errors are those of :class:`Assembly`.
     """
-    source = path, urdf_text(path), tuple(legs.items()), pelvis, up_axis
-    device = _device(source) if sizes is None else _fitted(source, sizes)
-    for warning in device.warnings:
+    assembly = _complete((path, urdf_text(path), tuple(legs.items()), pelvis, up_axis), fitting)
+    for warning in assembly.warnings:
         warnings.warn(warning, stacklevel=3)
-    return device.copy()
+    return assembly
+
+
+@lru_cache(maxsize=16)  # the episodes of a batch often have one wearer
+def _complete(source: Source, fitting: Fitting) -> "Assembly":
+    sizes, patient, wearer_only, gravity, armature = fitting
+    assembly = (_device(source) if sizes is None else _fitted(source, sizes)).copy()
+    if patient is not None:
+        assembly.add_wearer(patient, wearer_only=wearer_only)
+    assembly.set_gravity_and_armature(gravity, dict(armature))
+    return assembly
 
 
 @lru_cache(maxsize=16)  # a batch builds thousands of models of one device
@@ -77,6 +93,8 @@ class Assembly:
         """
         self._path, self._pelvis = path, pelvis
         self._up = np.array([0.0, 0.0, 1.0] if up_axis == "z" else [0.0, 1.0, 0.0])
+        (self._lateral,) = np.flatnonzero(np.cross(self._up, FORWARD)).tolist()
+        self._frames: dict[int, list[int]] = {}  # cache of the frames of a joint
         model = self._read()
         self.legs = {side: leg.plain for side, leg in legs.items()}
         self._check_names(model)
@@ -104,7 +122,7 @@ class Assembly:
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
         from the ankle in the same proportion.
         """
-        (lateral,) = np.flatnonzero(np.cross(self._up, FORWARD))
+        lateral = self._lateral
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             placement = self.model.jointPlacements[hip]
@@ -117,9 +135,9 @@ class Assembly:
                 ankle, ratio = self._id(leg.ankle), sizes.foot / anthropometry.DRAWN_FOOT
                 self._stretch(knee, ankle, sizes.tibia)
                 self._grow(ankle, ratio)
-                for frame in self.model.frames:
-                    if frame.parentJoint == ankle:
-                        frame.placement.translation = frame.placement.translation * ratio
+                for index in self._frames_of(ankle):
+                    placement = self.model.frames[index].placement
+                    placement.translation = placement.translation * ratio
 
     def add_wearer(self, patient: Patient, *, wearer_only: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
@@ -223,6 +241,13 @@ class Assembly:
         ratio = length / float(np.linalg.norm(placement.translation))
         placement.translation = placement.translation * ratio
         self._grow(proximal, ratio)
+
+    def _frames_of(self, joint: int) -> list[int]:
+        """Return the indices of the frames of a joint, which are the same in every copy."""
+        if joint not in self._frames:
+            parents = [frame.parentJoint for frame in self.model.frames]
+            self._frames[joint] = [index for index, parent in enumerate(parents) if parent == joint]
+        return self._frames[joint]
 
     def _grow(self, joint: int, ratio: float) -> None:
         body = self.model.inertias[joint]

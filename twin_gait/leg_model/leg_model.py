@@ -16,7 +16,7 @@ import pinocchio as pin
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
 from twin_gait.leg_model.anthropometry import device_sizes
-from twin_gait.leg_model.assembly import new_assembly
+from twin_gait.leg_model.assembly import Fitting, complete_assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters.quantities import FINITE, require
 from twin_gait.parameters.wearer import Patient
@@ -27,7 +27,7 @@ class LegModel:
     """Rigid-body model of one or two legs with device and wearer.
 
     Attributes:
-        model: The Pinocchio model.
+        model: The Pinocchio model, which models of equal arguments share; it must not be changed.
         legs: Joint names per side, as in the URDF.
         nv: Number of coordinates (and velocities).
         sides: Legs of the model, in the order of the log.
@@ -81,13 +81,12 @@ class LegModel:
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
-        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis, self.sizes)
-        self.legs = assembly.legs
         alone = joints.BodySelection(bodies) is joints.BodySelection.WEARER
-        if patient is not None and bodies != joints.BodySelection.DEVICE:
-            assembly.add_wearer(patient, wearer_only=alone)
-        assembly.set_gravity_and_armature(gravity, {} if alone else armature or {})
-        self.model = assembly.model
+        worn = None if bodies == joints.BodySelection.DEVICE else patient
+        rotors = () if alone or armature is None else tuple(armature.items())
+        fitting = Fitting(self.sizes, worn, alone, gravity, rotors)
+        assembly = complete_assembly(self.urdf_path, legs, self.pelvis, up_axis, fitting)
+        self.legs, self.model = assembly.legs, assembly.model
         self.data = self.model.createData()
         self.nv, self.sides = int(self.model.nv), tuple(self.legs)
         self.total_mass = float(sum(body.mass for body in self.model.inertias))
