@@ -113,7 +113,7 @@ class LegRecord:
             return self.phases[:0]
         begun = self._phase_beginnings
         inside = begun[(begun > span.start) & (begun < span.stop)]
-        return self.phases[np.append(span.start, inside)]
+        return np.asarray(self.phases[np.append(span.start, inside)])
 
     @cached_property
     def first_phase_entries(self) -> np.ndarray:

@@ -157,8 +157,11 @@ def _narrow_bracket(rising: Callable[[float], float], low: float, high: float) -
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
     """Compute the least vertical height of a foot over ground through the origin."""
-    points = model.frame_positions(q, model.legs[side].contact_frames)
-    return float(min(height - rise * ahead for ahead, _, height in map(np.ndarray.tolist, points)))
+    lowest = math.inf
+    for point in model.frame_positions(q, model.legs[side].contact_frames):
+        ahead, _, height = point.tolist()
+        lowest = min(lowest, height - rise * ahead)
+    return lowest
 
 
 def new_seat(model: LegModel, chair: ChairParameters) -> Seat:
