@@ -296,17 +296,18 @@ def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[s
 
     Each power is the sum over the driven joints of torque times joint velocity. The velocity is that of the
     wearer's joint for effort and passive moments, and that of the device's joint for pushes, which act on the
-    device. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W] by their
-    names in a summary, positive if they drive the leg; NaN without strides.
+    device. A torque without a column is zero. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means
+    over the strides in [W] by their names in a summary, positive if they drive the leg; NaN without strides.
     """
     found = {}
     for source in EXTERNAL_SOURCES:
-        power = 0.0
+        power = 0.0 if len(bounds) else math.nan
         for joint in leg.angles:
-            torque = log[f"{leg.side}_{joint}_{source}_torque_Nm"]
+            torque = f"{leg.side}_{joint}_{source}_torque_Nm"
             columns = () if source == "disturbance" else log
-            velocity = log[wearer_column(columns, leg.side, joint, "velocity_rad_per_s")]
-            power += mean_over_strides(np.asarray(torque * velocity), bounds)
+            velocity = wearer_column(columns, leg.side, joint, "velocity_rad_per_s")
+            if torque in log:
+                power += mean_over_strides(np.asarray(log[torque] * log[velocity]), bounds)
         found[f"{source}_power_W"] = power
     return found
 
