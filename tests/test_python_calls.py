@@ -19,7 +19,7 @@ from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import simulate_batch
 
-EPISODE, RUN, MOVE = 7_500, 55, 82_000
+EPISODE, RUN, MOVE = 7_210, 55, 78_700
 
 
 def python_calls(act: Callable[[], Any]) -> int:

@@ -305,6 +305,14 @@ def test_unknown_frame_lists_the_frames(bench: LegModel) -> None:
         bench.frame_position(np.zeros(2), "right_little_toe")
 
 
+def test_equal_models_share_the_bodies_and_no_buffers(bench_leg: dict[Side, LegJoints]) -> None:
+    wearer = Patient(mass=81.0)
+    first, second = (LegModel("twin_leg.urdf", bench_leg, patient=wearer) for _ in range(2))
+    assert first.model is second.model and first.data is not second.data
+    heavier = LegModel("twin_leg.urdf", bench_leg, patient=replace(wearer, mass=82.0))
+    assert heavier.total_mass > first.total_mass
+
+
 def test_results_are_copies(bench: LegModel) -> None:
     q = np.array([0.3, 0.4])
     first = bench.gravity_torque(q), bench.mass_matrix(q), bench.forward_dynamics(q, q, q)

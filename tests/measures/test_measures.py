@@ -361,6 +361,16 @@ def test_ramp_is_normalised_exactly() -> None:
     assert_allclose(cycles[1], np.linspace(60.0, 93.0, 101), rtol=1e-14)
 
 
+def test_strides_are_interpolated_like_numpy_to_the_bit() -> None:
+    rng = np.random.default_rng(1)
+    signal, bounds = rng.normal(size=2000), stride_bounds(np.append(np.sort(rng.choice(1999, 9)), 1999))
+    signal[bounds[2, 1] + 1] = math.nan  # next to the end of a stride, which it does not change
+    positions = bounds[:, :1] + PERCENT / 100.0 * np.diff(bounds)
+    assert_array_equal(
+        normalise_strides(signal, bounds), np.interp(positions, np.arange(len(signal)), signal), strict=True
+    )
+
+
 def test_strides_of_different_length_fall_on_one_curve() -> None:
     lengths = [900, 1000, 1250]
     progress = np.concatenate([np.arange(length) / length for length in lengths] + [[0.0]])

@@ -37,6 +37,7 @@ from twin_gait.studies.batch import (
     flat_summary,
 )
 
+EXTERNAL_TORQUES = ("_voluntary_torque_Nm", "_passive_torque_Nm", "_disturbance_torque_Nm")
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {
     "scenario.support.share": 0.0,
@@ -183,6 +184,20 @@ def test_a_log_may_contain_only_the_columns_that_are_read(walk):
     # Ground forces and powers of a walk are read, too; gains, friction and targets are not.
     assert len(brief.log.columns) < 0.55 * len(whole.log.columns)
     pd.testing.assert_frame_equal(brief.log, whole.log[brief.log.columns], check_exact=True)
+    assert flat_summary(brief) == flat_summary(whole)
+
+
+@pytest.mark.parametrize("effort", [0.0, 0.1])
+def test_a_log_leaves_out_torques_that_are_zero_throughout(walk, effort):
+    condition = {"patient.left.knee.effort": effort} if effort else {}
+    short = apply_override(attach_document(replace(walk, duration=2.5)), condition)
+    ((_, brief),) = simulate_blocks([short], columns=SUMMARY_LOG_COLUMNS)
+    whole = simulate(short)
+    external = [name for name in whole.log if name.endswith(EXTERNAL_TORQUES)]
+    omitted = [name for name in external if name not in brief.log]
+    assert len(external) == 12 and len(omitted) == (4 if effort else 12)
+    assert (whole.log[omitted] == 0.0).all(axis=None)
+    assert whole.log["left_knee_voluntary_torque_Nm"].any() == bool(effort)
     assert flat_summary(brief) == flat_summary(whole)
 
 

@@ -48,7 +48,10 @@ def scale_table(
 
     sides = {side: adapt(phases) for side, phases in table.side_phases.items()}
     transitions = tuple(
-        replace(item, guard=_scale_guard(item.guard, excursion, centre)) for item in table.transitions
+        replace(item, guard=_scale_guard(item.guard, excursion, centre))
+        if any(map(_is_hip_threshold, item.atoms))
+        else item
+        for item in table.transitions
     )
     return replace(table, phases=adapt(table.phases), side_phases=sides, transitions=transitions)
 
@@ -66,18 +69,28 @@ def _scale_phase(
         equilibrium = joint.equilibrium_angle
         if name == JointName.HIP:
             equilibrium = equilibrium + (excursion - 1.0) * (equilibrium - centre)
-        joints[name] = replace(joint, stiffness=stiffness * joint.stiffness, equilibrium_angle=equilibrium)
+        changes = stiffness != 1.0 or equilibrium != joint.equilibrium_angle
+        joints[name] = (
+            replace(joint, stiffness=stiffness * joint.stiffness, equilibrium_angle=equilibrium)
+            if changes
+            else joint
+        )
     return replace(phase, joints=joints)
 
 
 def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
     def scaled(atom: Comparison | PhaseMembership) -> Guard:
-        if not (isinstance(atom, Comparison) and _is_hip_angle(atom.signal) and _is_hip_angle(atom.minus)):
+        if not (isinstance(atom, Comparison) and _is_hip_threshold(atom)):
             return atom
         about = centre / signal_scale(atom.signal) if atom.minus is None else 0.0
         return replace(atom, threshold=atom.threshold + (excursion - 1.0) * (atom.threshold - about))
 
     return map_atoms(guard, scaled)
+
+
+def _is_hip_threshold(atom: Comparison | PhaseMembership) -> bool:
+    """Check whether a condition compares hip angles, whose thresholds are scaled."""
+    return isinstance(atom, Comparison) and _is_hip_angle(atom.signal) and _is_hip_angle(atom.minus)
 
 
 def _is_hip_angle(signal: str | None) -> bool:

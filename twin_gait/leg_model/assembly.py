@@ -6,13 +6,14 @@ import warnings
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import anthropometry
-from twin_gait.leg_model.attachments import AddedMass, BodySegment, segments_of
+from twin_gait.leg_model.attachments import AddedMass, Attachment, BodySegment, segments_of
 from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, reversed_joints
 from twin_gait.leg_model.plausibility import check_couplings, check_segments
 from twin_gait.leg_model.urdf import build_model
@@ -29,22 +30,42 @@ LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 Source = tuple[Path, str, tuple[tuple[Side, LegJoints], ...], PelvisGuide, str]
 
 
-def new_assembly(
-    path: Path,
-    legs: Mapping[Side, LegJoints],
-    pelvis: PelvisGuide,
-    up_axis: str,
-    sizes: anthropometry.DeviceSizes | None,
+class Fitting(NamedTuple):
+    """All that turns the device of a URDF into a model of device and wearer."""
+
+    sizes: anthropometry.DeviceSizes | None  # Sizes of the device; None leaves the URDF as it is.
+    patient: Patient | None  # Wearer whose segments are added; None adds nothing.
+    carrier: Patient | None  # Wearer on whose segments the attached masses are; None adds none.
+    wearer_only: bool  # Whether the links of the device have no mass.
+    gravity: float  # Magnitude in [m/s²].
+    armature: tuple[tuple[JointName, float], ...]  # Inertia of rotor and gear per joint in [kg·m²].
+    driven_sides: tuple[Side, ...]  # Legs with rotors.
+    attachment: Attachment  # Parts of the device on the wearer's segments, and missing segments.
+
+
+def complete_assembly(
+    path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str, fitting: Fitting
 ) -> "Assembly":
-    """Return a new copy of the device of a URDF, fitted to some sizes unless they are None.
+    """Return the device of a URDF with a fitting; equal arguments share one assembly, which nobody changes.
 
     The other arguments and the errors are those of :class:`Assembly`.
     """
-    source = path, urdf_text(path), tuple(legs.items()), pelvis, up_axis
-    device = _device(source) if sizes is None else _fitted(source, sizes)
-    for warning in device.warnings:
+    assembly = _complete((path, urdf_text(path), tuple(legs.items()), pelvis, up_axis), fitting)
+    for warning in assembly.warnings:
         warnings.warn(warning, stacklevel=3)
-    return device.copy()
+    return assembly
+
+
+@lru_cache(maxsize=16)  # the episodes of a batch often have one wearer
+def _complete(source: Source, fitting: Fitting) -> "Assembly":
+    sizes, worn = fitting.sizes, fitting.patient
+    assembly = (_device(source) if sizes is None else _fitted(source, sizes)).copy()
+    if worn is not None:
+        assembly.add_wearer(worn, fitting.attachment.replaced, wearer_only=fitting.wearer_only)
+    if fitting.carrier is not None:
+        assembly.add_masses(fitting.carrier, fitting.attachment.masses)
+    assembly.set_gravity_and_armature(fitting.gravity, dict(fitting.armature), fitting.driven_sides)
+    return assembly
 
 
 @lru_cache(maxsize=16)  # a batch builds thousands of models of one device
@@ -78,6 +99,8 @@ class Assembly:
         """
         self._path, self._pelvis = path, pelvis
         self._up = np.array([0.0, 0.0, 1.0] if up_axis == "z" else [0.0, 1.0, 0.0])
+        (self._lateral,) = np.flatnonzero(np.cross(self._up, FORWARD)).tolist()
+        self._frames: dict[int, list[int]] = {}  # cache of the frames of a joint
         model = self._read()
         self.legs = {side: leg.plain for side, leg in legs.items()}
         self._check_names(model)
@@ -105,7 +128,7 @@ class Assembly:
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
         from the ankle in the same proportion.
         """
-        (lateral,) = np.flatnonzero(np.cross(self._up, FORWARD))
+        lateral = self._lateral
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             placement = self.model.jointPlacements[hip]
@@ -118,9 +141,9 @@ class Assembly:
                 ankle, ratio = self._id(leg.ankle), sizes.foot / anthropometry.DRAWN_FOOT
                 self._stretch(knee, ankle, sizes.tibia)
                 self._grow(ankle, ratio)
-                for frame in self.model.frames:
-                    if frame.parentJoint == ankle:
-                        frame.placement.translation = frame.placement.translation * ratio
+                for index in self._frames_of(ankle):
+                    placement = self.model.frames[index].placement
+                    placement.translation = placement.translation * ratio
 
     def add_wearer(
         self, patient: Patient, replaced: Mapping[BodySegment, float], *, wearer_only: bool = False
@@ -268,6 +291,13 @@ class Assembly:
         ratio = length / float(np.linalg.norm(placement.translation))
         placement.translation = placement.translation * ratio
         self._grow(proximal, ratio)
+
+    def _frames_of(self, joint: int) -> list[int]:
+        """Return the indices of the frames of a joint, which are the same in every copy."""
+        if joint not in self._frames:
+            parents = [frame.parentJoint for frame in self.model.frames]
+            self._frames[joint] = [index for index, parent in enumerate(parents) if parent == joint]
+        return self._frames[joint]
 
     def _grow(self, joint: int, ratio: float) -> None:
         body = self.model.inertias[joint]

@@ -59,3 +59,7 @@ class Attachment(quantities.Parameters):
     replaced: Annotated[Mapping[BodySegment, quantities.Ratio], quantities.SHARE] = field(
         default_factory=dict
     )
+
+    def __hash__(self) -> int:
+        """Hash the parts, so that equal models can be shared."""
+        return hash((tuple(self.masses.items()), tuple(self.replaced.items())))

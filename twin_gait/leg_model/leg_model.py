@@ -16,7 +16,7 @@ import pinocchio as pin
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
 from twin_gait.leg_model.anthropometry import device_sizes, wearer_sizes
-from twin_gait.leg_model.assembly import new_assembly
+from twin_gait.leg_model.assembly import Fitting, complete_assembly
 from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters.quantities import FINITE, require
@@ -28,7 +28,7 @@ class LegModel:
     """Rigid-body model of one or two legs with device and wearer.
 
     Attributes:
-        model: The Pinocchio model.
+        model: The Pinocchio model, which models of equal arguments share; it must not be changed.
         legs: Joint names per side, as in the URDF.
         nv: Number of coordinates (and velocities).
         sides: Legs of the model, in the order of the log.
@@ -90,17 +90,19 @@ class LegModel:
         self.up_axis = up_axis
         sizes = wearer_sizes if made_to_measure else device_sizes
         self.sizes = sizes(patient) if patient is not None and fit_device else None
-        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis, self.sizes)
-        self.legs = assembly.legs
         alone = joints.BodySelection(bodies) is joints.BodySelection.WEARER
-        attached = attachment or Attachment()
-        if patient is not None and bodies != joints.BodySelection.DEVICE:
-            assembly.add_wearer(patient, attached.replaced, wearer_only=alone)
-        if patient is not None and not alone:
-            assembly.add_masses(patient, attached.masses)
-        rotors = {} if alone else armature or {}
-        assembly.set_gravity_and_armature(gravity, rotors, driven_sides or tuple(legs))
-        self.model = assembly.model
+        fitting = Fitting(
+            sizes=self.sizes,
+            patient=None if bodies == joints.BodySelection.DEVICE else patient,
+            carrier=None if alone else patient,
+            wearer_only=alone,
+            gravity=gravity,
+            armature=() if alone or armature is None else tuple(armature.items()),
+            driven_sides=tuple(driven_sides or legs),
+            attachment=attachment or Attachment(),
+        )
+        assembly = complete_assembly(self.urdf_path, legs, self.pelvis, up_axis, fitting)
+        self.legs, self.model = assembly.legs, assembly.model
         self.data = self.model.createData()
         self.nv, self.sides = int(self.model.nv), tuple(self.legs)
         self.total_mass = float(sum(body.mass for body in self.model.inertias))

@@ -63,18 +63,24 @@ def _spells(condition: np.ndarray) -> list[tuple[int, int]]:
 
 
 def find_foot_contacts(
-    normal_force: np.ndarray, tick: float, hip_angle: np.ndarray | None = None
+    normal_force: np.ndarray,
+    tick: float,
+    hip_angle: np.ndarray | None = None,
+    loaded: np.ndarray | None = None,
 ) -> FootContacts:
     """Find heel strikes, toe-offs and further contacts.
 
     ``normal_force``: force on one foot in [N]; ``hip_angle``: angle of the same leg in [rad], flexion
     positive, NaN where it is not known; without it, swings and bounces are distinguished by the time off the
-    ground alone. Returns the contacts as sample indices.
+    ground alone; ``loaded``: result of :func:`is_loaded`, computed by default. Returns the contacts as sample
+    indices.
     """
+    if loaded is None:
+        loaded = is_loaded(normal_force)
     strikes: list[int] = []
     offs: list[int] = []
     further: list[int] = []
-    for group in _groups(_spells(is_loaded(normal_force)), SHORTEST_SWING / tick, hip_angle):
+    for group in _groups(_spells(loaded), SHORTEST_SWING / tick, hip_angle):
         first, last = group[0][0], group[-1][1]
         duration = sum(end - start for start, end in group)
         touches_edge = first < SHORTEST_SWING / tick or last == len(normal_force)

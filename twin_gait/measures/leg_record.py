@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts, is_loaded
-from twin_gait.measures.phases import phase_entries
+from twin_gait.measures.phases import phase_beginnings, phase_entries
 from twin_gait.measures.strides import SKIPPED_STRIDES, stride_bounds
 from twin_gait.vocabulary import JointName, Side
 
@@ -110,12 +110,28 @@ class LegRecord:
         """Contacts of the foot, or None without ground."""
         if self.normal_force is None:
             return None
-        return find_foot_contacts(self.normal_force, self.tick, self.angles.get(JointName.HIP))
+        return find_foot_contacts(self.normal_force, self.tick, self.angles.get(JointName.HIP), self.loaded)
+
+    @cached_property
+    def _phase_beginnings(self) -> np.ndarray:
+        return phase_beginnings(self.phases)
+
+    def phase_entries(self, phase: int) -> np.ndarray:
+        """Return the ticks at which a phase begins, shape ``(n,)``; tick 0 if the leg starts in it."""
+        return phase_entries(self.phases, phase, self._phase_beginnings)
+
+    def phase_sequence(self, span: slice) -> np.ndarray:
+        """Return the phases of a span of ticks in their order, shape ``(n,)``, without their durations."""
+        if span.start >= span.stop:
+            return self.phases[:0]
+        begun = self._phase_beginnings
+        inside = begun[(begun > span.start) & (begun < span.stop)]
+        return np.asarray(self.phases[np.append(span.start, inside)])
 
     @cached_property
     def first_phase_entries(self) -> np.ndarray:
         """Ticks at which the first phase of the table begins, shape ``(n,)``."""
-        return phase_entries(self.phases, 0)
+        return self.phase_entries(0)
 
     @property
     def stride_events(self) -> np.ndarray:

@@ -25,23 +25,25 @@ def phase_spells(phases: np.ndarray) -> list[PhaseSpell]:
     ``phases``: phase of each tick, shape ``(n,)``. Returns the stays in order; the first and the last are cut
     off by the record.
     """
-    edges = [*_beginnings(phases).tolist(), len(phases)]
+    edges = [*phase_beginnings(phases).tolist(), len(phases)]
     return [PhaseSpell(int(phases[start]), start, end) for start, end in pairwise(edges)]
 
 
-def _beginnings(phases: np.ndarray) -> np.ndarray:
-    """Return the first ticks of all stays, integers."""
+def phase_beginnings(phases: np.ndarray) -> np.ndarray:
+    """Return the first ticks of all stays in one phase, integers; ``phases``: phase of each tick."""
     changed = np.ones(len(phases), dtype=bool)
     changed[1:] = phases[1:] != phases[:-1]
     return changed.nonzero()[0]
 
 
-def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
+def phase_entries(phases: np.ndarray, phase: int, beginnings: np.ndarray | None = None) -> np.ndarray:
     """Find the ticks at which a phase begins; a leg that starts in the phase enters it at tick 0.
 
-    ``phases``: phase of each tick, shape ``(n,)``. Returns ticks, shape ``(m,)``, integers.
+    ``phases``: phase of each tick, shape ``(n,)``; ``beginnings``: result of :func:`phase_beginnings`,
+    computed by default. Returns ticks, shape ``(m,)``, integers.
     """
-    beginnings = _beginnings(phases)
+    if beginnings is None:
+        beginnings = phase_beginnings(phases)
     return np.asarray(beginnings[phases[beginnings] == phase])
 
 
@@ -63,7 +65,7 @@ def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
 
     ``phases``: phase of each tick, shape ``(n,)``. Returns true also if the phase never changed.
     """
-    order = phases[_beginnings(phases)]
+    order = phases[phase_beginnings(phases)]
     return bool(np.all(order[1:] == (order[:-1] + 1) % n_phases))
 
 

@@ -42,7 +42,7 @@ def describe_stride_count(counted: int, found: int) -> str:
 
 def last_event_before(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
     """Return the last of ascending ``events`` before each tick, in the shape of ``ticks``; -1 if none is."""
-    return np.append(-1, events)[np.searchsorted(events, ticks)]
+    return np.append(-1, events)[events.searchsorted(ticks)]
 
 
 def join_strides(bounds: np.ndarray) -> np.ndarray:
@@ -62,15 +62,17 @@ def join_strides(bounds: np.ndarray) -> np.ndarray:
 
 def is_in_stride(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
     """Determine which ticks are in a stride, or at the end of one with ``last``; booleans."""
-    begun = np.searchsorted(bounds[:, 0], ticks, side="right")
-    ended = np.searchsorted(bounds[:, 1], ticks, side="left" if last else "right")
+    begun = bounds[:, 0].searchsorted(ticks, side="right")
+    ended = bounds[:, 1].searchsorted(ticks, side="left" if last else "right")
     return np.asarray(begun > ended)
 
 
 def values_in_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Return the values of a signal of one value a tick in all strides, one after the other."""
-    parts = [signal[start:end] for start, end in join_strides(bounds).tolist()]
-    return parts[0] if len(parts) == 1 else np.concatenate([signal[:0], *parts])
+    walks = join_strides(bounds).tolist()
+    if len(walks) == 1:
+        return signal[slice(*walks[0])]
+    return np.concatenate([signal[:0], *(signal[start:end] for start, end in walks)])
 
 
 def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -83,7 +85,10 @@ def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
         return np.zeros((0, len(PERCENT)))
     start, end = bounds[:, :1], bounds[:, 1:]
     positions = start + PERCENT / PERCENT[-1] * (end - start)
-    return np.asarray(np.interp(positions, np.arange(len(signal)), signal))
+    before = positions.astype(int)
+    # The result is that of ``np.interp``, which reads the whole signal and takes three times as long.
+    values, after = signal[before], signal[before + (positions > before)]
+    return np.asarray((after - values) * (positions - before) + values)
 
 
 def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
@@ -94,9 +99,9 @@ def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
 def mean(values: np.ndarray) -> float:
     """Compute the mean of values, in their unit; NaN without values.
 
-    The result is that of ``values.mean()``, which takes three times as long for few values.
+    The result is that of ``values.mean()``, which takes four times as long for few values.
     """
-    return float(values.sum() / len(values)) if len(values) else math.nan
+    return float(np.add.reduce(values) / len(values)) if len(values) else math.nan
 
 
 def finite_mean(values: np.ndarray) -> float:
@@ -135,8 +140,7 @@ def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     edges = np.array([bounds[:, 0], bounds[:, 1] + 1]).T.ravel()
     if len(edges) and edges[-1] >= len(signal):
         edges = edges[:-1]
-    lowest, highest = (extreme.reduceat(signal, edges)[::2] for extreme in (np.minimum, np.maximum))
-    return np.array([lowest, highest]).T
+    return np.array([np.minimum.reduceat(signal, edges)[::2], np.maximum.reduceat(signal, edges)[::2]]).T
 
 
 def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:

@@ -27,7 +27,6 @@ from twin_gait.measures import strides
 from twin_gait.measures.foot_contact import CONTACT_FORCE, find_swings, is_loaded, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
-from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import mean
 from twin_gait.vocabulary import JointName, Side
 
@@ -77,7 +76,7 @@ def walk_measures(
     assert leg.clearance is not None and force is not None
     bounds = leg.strides(skip=skip)
     times = strides.stride_times(bounds, leg.tick)
-    entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
+    entries = np.zeros(0, dtype=int) if swing_phase is None else leg.phase_entries(swing_phase)
     fore_aft = np.asarray(log[f"{leg.side}_foot_friction_force_N"])
     load = force / walkway.carried_weight
     counted = strides.is_in_stride(find_swings(contacts)[:, 0], bounds)
@@ -91,7 +90,7 @@ def walk_measures(
         "cop_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_cop_ratio"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances, default=math.nan)),
-        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway), bounds) * mean(times),
+        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway, leg.loaded), bounds) * mean(times),
         **_swing(force, entries[strides.is_in_stride(entries, bounds)], bounds),
         "belt_power_W": -mean_over_strides(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),
@@ -245,7 +244,9 @@ def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]
     }
 
 
-def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) -> np.ndarray:
+def slip_speed(
+    fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions, loaded: np.ndarray | None = None
+) -> np.ndarray:
     r"""Compute the speed of a loaded sole on the belt, from the law of its friction.
 
     .. math::
@@ -256,16 +257,19 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) 
     Where points of the sole move at different speeds, the result is approximately the speed of the points
     that carry load.
 
-    ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``.
-    Returns the speed in [m/s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
+    ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``;
+    ``loaded``: result of :func:`is_loaded`, computed by default. Returns the speed in [m/s], shape ``(n,)``;
+    0 where the foot is not loaded, NaN without friction.
     """
-    loaded = is_loaded(load)
+    if loaded is None:
+        loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
         return np.where(loaded, np.nan, 0.0)
-    ratio = np.abs(fore_aft[loaded]) / (walkway.friction_coefficient * load[loaded])
+    ticks = np.flatnonzero(loaded)
+    ratio = np.abs(fore_aft[ticks]) / (walkway.friction_coefficient * load[ticks])
     speed = np.zeros(len(load))
     # Rounding keeps the hyperbolic tangent below 1 up to 18 transition velocities.
-    speed[loaded] = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
+    speed[ticks] = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
     return speed
 
 
@@ -295,21 +299,20 @@ def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[s
     Each power is the sum over the moved joints of torque times joint velocity; that of the own gait is left
     out if the log has none. The velocity is that of the
     wearer's joint for effort and passive moments, and that of the device's joint for pushes, which act on the
-    device. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W] by their
-    names in a summary, positive if they drive the leg; NaN without strides.
+    device. A torque without a column is zero. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means
+    over the strides in [W] by their names in a summary, positive if they drive the leg; NaN without strides.
     """
     found = {}
-    for source in (*EXTERNAL_SOURCES, OWN_GAIT):
-        power, columns_of_source = 0.0, [f"{leg.side}_{joint}_{source}_torque_Nm" for joint in leg.angles]
-        if source == OWN_GAIT and not any(column in log for column in columns_of_source):
-            continue
-        for joint, column in zip(leg.angles, columns_of_source, strict=True):
-            if column not in log:  # a joint without a drive has no pushes, one with a drive no own gait
-                continue
-            torque = log[column]
+    own = [f"{leg.side}_{joint}_{OWN_GAIT}_torque_Nm" for joint in leg.angles]
+    sources = (*EXTERNAL_SOURCES, OWN_GAIT) if any(column in log for column in own) else EXTERNAL_SOURCES
+    for source in sources:
+        power = 0.0 if len(bounds) else math.nan
+        for joint in leg.angles:
+            torque = f"{leg.side}_{joint}_{source}_torque_Nm"
             columns = () if source == "disturbance" else log
-            velocity = log[wearer_column(columns, leg.side, joint, "velocity_rad_per_s")]
-            power += mean_over_strides(np.asarray(torque * velocity), bounds)
+            velocity = wearer_column(columns, leg.side, joint, "velocity_rad_per_s")
+            if torque in log:
+                power += mean_over_strides(np.asarray(log[torque] * log[velocity]), bounds)
         found[f"{source}_power_W"] = power
     return found
 

@@ -107,6 +107,10 @@ class Patient(quantities.Parameters):
         for side, joint in self.conditions:
             require(joint in WEARER_JOINTS, f"condition of the {side} {joint}", "a hip or a knee", joint)
 
+    def __hash__(self) -> int:
+        """Hash the values that determine the rigid bodies."""
+        return hash((self.mass, self.height, self.sex, self.segment_model))
+
     @property
     def is_torque_free(self) -> bool:
         """Whether the wearer produces no torque at any joint."""

@@ -231,9 +231,8 @@ class MeasuredLeg:
         record, names = self.record, self.table.phase_names
         cycle = (*self.table.cycles, names)[0]
         order = np.array([cycle.index(name) if name in cycle else -1 for name in names])
-        return all(
-            phases.phases_in_order(order[record.phases[span]], len(cycle)) for span in record.steady_ticks
-        )
+        sequences = (order[record.phase_sequence(span)] for span in record.steady_ticks)
+        return all(phases.phases_in_order(sequence, len(cycle)) for sequence in sequences)
 
     def timeout_ticks(self) -> list[int]:
         """Return the ticks of the switches that a timeout caused."""

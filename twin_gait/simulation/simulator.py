@@ -124,7 +124,8 @@ def simulate_blocks(
     Args:
         experiments: Read as they are needed, several blocks at a time.
         columns: Ends of the names of the columns that the logs keep; all by default. Time, phases and
-            operating mode are always kept.
+            operating mode are always kept. Torques of wearer, pushes and imposed motion are left out if they
+            are zero throughout.
 
     Yields:
         Position and run of each experiment, in the order in which the runs are completed.
@@ -170,13 +171,29 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
     """
     names, kept = engines[0].layout.names, None
     if columns is not None:
-        kept = [index for index, name in enumerate(names) if name.endswith((*columns, *ALWAYS_KEPT))]
+        wanted, zero = (*columns, *ALWAYS_KEPT), _zero_columns(engines[0])
+        kept = [
+            index for index, name in enumerate(names) if name.endswith(wanted) and not name.endswith(zero)
+        ]
     try:
         if len(engines) > 1:
             return LaneEngine([engine for engine in engines if isinstance(engine, CompiledEngine)]).run(kept)
         return [engine.run(columns=kept) for engine in engines]
     except TwinGaitError as error:
         raise JobError(first, str(error)) from error
+
+
+def _zero_columns(engine: EpisodeEngine) -> tuple[str, ...]:
+    """Return the ends of the names of external torques that are zero in every tick.
+
+    They are equal in all episodes of a block.
+    """
+    found: tuple[str, ...] = ()
+    if not engine.number("has_wearer_torques"):
+        found += ("_voluntary_torque_Nm", "_passive_torque_Nm")
+    if not engine.scripted and engine.setup.world.imposed_motion is None:
+        found += ("_disturbance_torque_Nm",)
+    return found
 
 
 def precompile(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> int:

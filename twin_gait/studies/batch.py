@@ -244,7 +244,8 @@ def flat_summary(run: Run) -> FlatSummary:
     side and joint: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``. Parts of
     the error are named like ``left_hip_error_total_deg``, those of ``power`` like ``power_belt_W``, and the
     trip has ``trip_cause``, ``trip_location`` and ``trip_time_s``. A value is None if it is not defined. No
-    value depends on the speed of the machine. The log must contain the columns ``SUMMARY_LOG_COLUMNS``.
+    value depends on the speed of the machine. The log must contain the columns ``SUMMARY_LOG_COLUMNS``; an
+    external torque without a column is zero.
     """
     trip, walk = run.trip, run.walk_measures()
     legs = [MeasuredLeg(run, record) for record in run.leg_records()]

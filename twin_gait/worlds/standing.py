@@ -27,6 +27,9 @@ FALL_SHARE = 0.75
 FallShare: TypeAlias = Annotated[Ratio, SHARE]
 # Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N·m].
 MOST_ROUNDS, LARGEST_STEP, DIFFERENCE, BALANCED = 60, 0.02, 1e-7, 1e-6
+# Most steps of the method of false position, its remainder in [m], and half the width of its bracket in
+# [rad], in which the height of a foot changes by much more than by rounding.
+MOST_SECANTS, LEVEL, BRACKET = 12, 1e-13, 1e-11
 
 
 class SplitStance(Scenario):
@@ -127,19 +130,42 @@ def level_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
 def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
     """Find the root of a function that is negative at ``low`` and positive at ``high`` by bisection.
 
-    The method is implemented here because importing scipy.optimize takes longer than a compiled run.
+    The method is implemented here because importing scipy.optimize takes longer than a compiled run. A middle
+    outside of a narrow bracket of the root needs no evaluation; the result is the same.
     """
+    below, above = _narrow_bracket(rising, low, high)
     while True:
         middle = 0.5 * (low + high)
         if middle in (low, high):
             return middle
-        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
+        is_below = middle <= below or (middle < above and rising(middle) < 0.0)
+        low, high = (middle, high) if is_below else (low, middle)
+
+
+def _narrow_bracket(rising: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """Narrow a bracket of a root by the method of false position with the Illinois rule."""
+    value_low, value_high, value = rising(low), rising(high), 0.0
+    for _ in range(MOST_SECANTS):
+        root = low - value_low * (high - low) / (value_high - value_low)
+        before, value = value, rising(root)
+        if abs(value) < LEVEL:
+            below, above = root - BRACKET, root + BRACKET
+            return (below, above) if rising(below) < 0.0 < rising(above) else (low, high)
+        weight = 0.5 if before * value > 0.0 else 1.0  # of the end that stays twice
+        if value < 0.0:
+            low, value_low, value_high = root, value, weight * value_high
+        else:
+            high, value_low, value_high = root, weight * value_low, value
+    return low, high
 
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
     """Compute the least vertical height of a foot over ground through the origin."""
-    points = model.frame_positions(q, model.legs[side].contact_frames)
-    return float(min(height - rise * ahead for ahead, _, height in map(np.ndarray.tolist, points)))
+    lowest = math.inf
+    for point in model.frame_positions(q, model.legs[side].contact_frames):
+        ahead, _, height = point.tolist()
+        lowest = min(lowest, height - rise * ahead)
+    return lowest
 
 
 def new_seat(model: LegModel, chair: ChairParameters) -> Seat:
