@@ -17,7 +17,7 @@ from whatif.endings import Ending, classify
 from twin_gait import JointName, RunStatus
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
-from twin_gait.configuration.bench_device import BENCH_FRICTION, bench_joint
+from twin_gait.configuration.bench_device import BENCH_ACTUATORS, BENCH_FRICTION, bench_joint
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.drives import SensorParameters
@@ -25,7 +25,6 @@ from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.worlds.bench_control import TorqueControl
 from twin_gait.worlds.bench_joint import (
-    BENCH_INDUCTANCE,
     HORIZONTAL,
     BenchFriction,
     BenchJoint,
@@ -45,7 +44,7 @@ THESIS_RATIO = 0.55  # about what the true friction was, if its compensator was 
 SPRING = 0.5 / DEGREE  # [N·m/rad] that holds the joint; the softest of the thesis sags under a weight
 # One period of the current loop in a tick: an ideal loop gains nothing from more.
 DRIVE = DriveParameters(
-    inductance=BENCH_INDUCTANCE[JOINT],
+    inductance=BENCH_ACTUATORS[JOINT].inductance,
     rate=1.0 / TICK,
     loop=CurrentLoop.IDEAL,
     noise=0.0,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from idealised import idealised
 from numpy.testing import assert_allclose
 from plain_bench import plain_rows
-from twin_device import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, KNEE_FRICTION, SENSORS
+from twin_device import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, KNEE_ACTUATOR, KNEE_FRICTION, SENSORS
 
 from twin_gait.configuration.bench_device import bench_joint
 from twin_gait.core.actuator import dead_zone
@@ -23,7 +23,6 @@ from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import CosinePath, TorqueControl
 from twin_gait.worlds.bench_joint import (
-    BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
     CurrentLoop,
@@ -37,7 +36,7 @@ from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 # An ideal and quiet current loop.
 DRIVE = DriveParameters(
-    inductance=BENCH_INDUCTANCE[JointName.KNEE],
+    inductance=KNEE_ACTUATOR.inductance,
     rate=1000.0,
     loop=CurrentLoop.IDEAL,
     noise=0.0,

@@ -27,7 +27,6 @@ from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import (
-    BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
     CatalogueEfficiency,
@@ -590,5 +589,5 @@ def test_mistakes_end_in_one_line_with_the_name(make: object, words: str) -> Non
 
 
 def test_inductance_of_the_hip_keeps_the_time_constant_of_the_knee() -> None:
-    hip = BENCH_INDUCTANCE[JointName.HIP] / 0.82
+    hip = BENCH_ACTUATORS[JointName.HIP].inductance / 0.82
     assert_allclose(hip, L / R, rtol=0.01)

@@ -322,6 +322,9 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: 
             problem = f"expected keys and values, got {given}"
         elif kind == "value_error":
             problem = problem.removeprefix("Value error, ")
+            section, _, rest = problem.partition(": ")
+            if isinstance(first.get("input"), Mapping) and isinstance(first["input"].get(section), Mapping):
+                location, problem = [*location, section], rest  # the mistake is in a section inside
         else:
             problem = problem.replace("valid tuple", "valid list")
             problem = f"{problem[:1].lower()}{problem[1:]}, got {given}"
