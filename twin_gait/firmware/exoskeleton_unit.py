@@ -197,7 +197,12 @@ def field_pairs(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray)
 
 
 def _field(records: np.ndarray, name: str) -> np.ndarray:
-    return reduce(lambda found, part: found[part], name.split("."), records)
+    """Return a field of records; of the feet, only those of the legs of the device, which follow each other."""
+    found = reduce(lambda inner, part: inner[part], name.split("."), records)
+    if not name.startswith("feet."):
+        return found
+    soles = records["soles"][0]
+    return found[:, soles[0] : soles[-1] + 1]
 
 
 def copy_row(pairs: Pairs, tick: int) -> None:
