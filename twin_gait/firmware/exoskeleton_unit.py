@@ -197,7 +197,7 @@ def field_pairs(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray)
 
 
 def _field(records: np.ndarray, name: str) -> np.ndarray:
-    """Return a field of records; of the feet, only those of the legs of the device, which follow each other."""
+    """Return a field of records; of the feet only those of the legs of the device, which are neighbours."""
     found = reduce(lambda inner, part: inner[part], name.split("."), records)
     if not name.startswith("feet."):
         return found
