@@ -20,7 +20,7 @@ from twin_gait.measures.reference import normative_moment, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.studies.workers import Workers
 
-PRESETS = ("hip_exoskeleton", "knee_orthosis")
+PRESETS = ("hip_exoskeleton", "knee_orthosis", "osl_prosthesis")
 COUNT, SEED, DURATION = 50, 51, 20.0
 # Of a random wearer: mass [kg], height [m], support, belt speed [km/h].
 RANGES = {

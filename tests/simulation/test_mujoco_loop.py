@@ -68,6 +68,18 @@ CASES = {
         EULER,
         "integration.step_ms=0.25",
     ),
+    "knee orthosis on one leg": (
+        "knee_orthosis",
+        "duration_s=1",
+        EULER,
+        "integration.step_ms=0.25",
+    ),
+    "prosthesis that replaces segments of one leg": (
+        "osl_prosthesis",
+        "duration_s=1",
+        EULER,
+        "integration.step_ms=0.25",
+    ),
     "treadmill, a wearer whom the controller takes for another": (
         "treadmill",
         "duration_s=0.5",
