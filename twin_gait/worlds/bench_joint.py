@@ -7,8 +7,7 @@ found again; *assumption* has no source, and its reason is given next to it.
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
-from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated
 
 from twin_gait.parameters import quantities
 from twin_gait.parameters.drives import (
@@ -266,10 +265,3 @@ class BenchJoint(quantities.Parameters):
         counted = self.drive.counts > 0 or not isinstance(self.control, DutyControl)
         expected = "1 or more, because the controller computes a duty"
         require(counted, "drive counts", expected, self.drive.counts)
-
-
-def __getattr__(name: str) -> Any:
-    """Return a name that is now in :mod:`twin_gait.configuration.bench_device`."""
-    if name in ("BENCH_ACTUATORS", "BENCH_FRICTION", "bench_joint"):
-        return getattr(import_module("twin_gait.configuration.bench_device"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
