@@ -153,6 +153,12 @@ def test_limits_of_motion_are_at_most_those_of_the_urdf(setting: str) -> None:
         experiment.build_world()
 
 
+def test_limit_in_degrees_may_be_that_of_the_rounded_urdf() -> None:
+    setting = "control.limits.knee.lowest_angle_deg=-5"  # -0.087266 rad in body.urdf, 5e-7 rad less
+    world = load_experiment("knee_orthosis", [setting]).experiment.build_world()
+    assert world.model.position_limits(Side.LEFT, JointName.KNEE)[0] > math.radians(-5)
+
+
 def test_range_is_not_empty() -> None:
     with raises(ParameterError, "lowest_angle", "highest_angle"):
         LimitParameters(torque=1.0, current=1.0, lowest_angle=0.5, highest_angle=0.5)

@@ -37,16 +37,21 @@ def describe_device(device: Device) -> dict[str, Any]:
     joints = []
     for side, names in leg.legs.items():
         for joint, name in names.items():
-            lower, upper = control.joint_range(model, side, joint)
+            driven = joint in plant.actuators and side in (leg.driven_sides or leg.legs)
+            lower, upper = (
+                control.joint_range(model, side, joint) if driven else model.position_limits(side, joint)
+            )
             effort = model.effort_limit(side, joint)
             row = {
                 "side": str(side),
                 "joint": str(joint),
                 "urdf_joint": name,
-                "driven": joint in plant.actuators and side in (leg.driven_sides or leg.legs),
+                "driven": driven,
             }
             joints.append({**row, "lower_rad": lower, "upper_rad": upper, "urdf_effort_Nm": effort})
     voltage, limits = plant.battery.voltage, control.limits
+    for joint in {*document["control"]["limits"]} - {*plant.actuators}:
+        del document["control"]["limits"][joint]  # a limit for all joints acts on those with a drive
     speeds = {
         joint: control.highest_speed(model, side, joint)
         for side, names in leg.legs.items()
