@@ -188,12 +188,16 @@ def test_page_of_a_device_as_text_and_json(capsys: pytest.CaptureFixture[str]) -
 
 def test_source_of_a_number_is_that_of_the_device_that_states_it(tmp_path: Path) -> None:
     limits = {"limits": {"torque_Nm": 15, "hip": {"current_A": 20}}}
-    path = write(tmp_path / "mine.yaml", extends="ak80_9_hip", control=limits, sources={"control": "our bench"})
+    path = write(
+        tmp_path / "mine.yaml", extends="ak80_9_hip", control=limits, sources={"control": "our bench"}
+    )
     described = describe_device(load_device(str(path)))
     sources = {row["key"]: row["source"] for row in described["numbers"]}
     # The base has more specific sources for its own values of these keys.
     assert sources["control.limits.hip.torque_Nm"] == sources["control.limits.hip.current_A"] == "our bench"
-    assert sources["plant.battery.voltage_V"] == load_device("ak80_9_hip").source_of("plant.battery.voltage_V")
+    assert sources["plant.battery.voltage_V"] == load_device("ak80_9_hip").source_of(
+        "plant.battery.voltage_V"
+    )
     assert not any(key.startswith("control.limits.knee") for key in sources), "the knee has no drive"
 
 
