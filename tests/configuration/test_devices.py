@@ -101,8 +101,9 @@ def test_missing_number_is_refused_by_its_name(tmp_path: Path) -> None:
         plant={"actuators": {"knee": drive}, "friction": {"knee": FRICTION}, "friction_ratio": {"knee": 1}},
         control={"friction_model": {"knee": FRICTION}},
     )
-    with raises(ParameterFileError, "knee.yaml", "plant.actuators.knee.rotor_inertia_kgm2"):
+    with raises(ParameterFileError, "knee.yaml", "plant.actuators.knee.rotor_inertia_kgm2") as refused:
         load_device(str(path))
+    assert "extends: ideal" not in str(refused.value), "the file has this base"
     complete = yaml.safe_load(path.read_text(encoding="utf-8"))
     complete["plant"]["actuators"]["knee"] = DRIVE
     path = write(tmp_path / "complete.yaml", **complete)

@@ -221,7 +221,9 @@ def _require_complete(device: Device) -> None:
         missing = [f"{error.key}.{error.problem.removesuffix(_MISSING).strip(' :')}".strip(".")]
     if missing:
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        problem = f"{_MISSING}{more}; state it, or begin the file with {BASES}"
+        extends = len(device.sources) > 1
+        advice = "state it" if extends else f"state it, or begin the file with {BASES}"
+        problem = f"{_MISSING}{more}; {advice}"
         raise ParameterFileError(str(device.path), missing[0], problem)
 
 

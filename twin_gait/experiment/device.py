@@ -205,12 +205,17 @@ def check_limits(limits: Mapping[JointName, LimitParameters], plant: PlantParame
 ROUNDING = 1e-5  # limits of motion may exceed those of a URDF by this [rad, rad/s], which has few decimals
 
 
-def check_motion_limits(control: ControlParameters, model: LegModel) -> None:
-    """Raise ParameterError if the speed or the range of a joint exceeds that of the URDF."""
-    for side, leg in model.legs.items():
-        for joint, name in leg.items():
+def check_motion_limits(
+    control: ControlParameters, model: LegModel, plant: PlantParameters, driven_sides: Collection[Side]
+) -> None:
+    """Raise ParameterError if the speed or the range of a joint with a drive exceeds that of the URDF.
+
+    ``driven_sides``: legs of the device.
+    """
+    for side in driven_sides:
+        for joint, name in model.legs[side].items():
             limits = control.limits.get(joint)
-            if limits is None:
+            if limits is None or joint not in plant.actuators:
                 continue
             where = f"joint {name!r} of the URDF"
             spanned, fastest = model.position_limits(side, joint), model.velocity_limit(side, joint)

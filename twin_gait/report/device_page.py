@@ -33,11 +33,12 @@ def describe_device(device: Device) -> dict[str, Any]:
     parameters, document = device.parameters(), device.document()
     plant, control, leg = parameters["plant"], parameters["control"], parameters["leg"]
     model = LegModel(leg.urdf, leg.legs, pelvis=PelvisGuide.FIXED, fit_device=False, up_axis=leg.up_axis)
-    check_motion_limits(control, model)
+    driven_sides = leg.driven_sides or tuple(leg.legs)
+    check_motion_limits(control, model, plant, driven_sides)
     joints = []
     for side, names in leg.legs.items():
         for joint, name in names.items():
-            driven = joint in plant.actuators and side in (leg.driven_sides or leg.legs)
+            driven = joint in plant.actuators and side in driven_sides
             lower, upper = (
                 control.joint_range(model, side, joint) if driven else model.position_limits(side, joint)
             )
