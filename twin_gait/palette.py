@@ -56,8 +56,8 @@ TORQUE_COLOURS: dict[str, str] = {
     "inertia_compensation": "#6C7FA8",
     "target": "#A9B331",
 }
-# Colours of phases of a table that does not use the five names.
-_FURTHER_COLOURS = ("#F4B183", "#A9D8C8", "#C9B8E8", *reversed(PHASE_COLOURS.values()))
+# Colours of phases of a table that does not use the five names, which the own gait of its wearer may use.
+_FURTHER_COLOURS = ("#F4B183", "#A9D8C8", "#C9B8E8", "#C5E384", "#F5A3C7", *reversed(PHASE_COLOURS.values()))
 
 
 def phase_colour(phase: str, position: int = 0) -> str:

@@ -1,6 +1,7 @@
 """Devices as files: extension, completeness, exchange in an experiment, and the page of a device."""
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -100,8 +101,9 @@ def test_missing_number_is_refused_by_its_name(tmp_path: Path) -> None:
         plant={"actuators": {"knee": drive}, "friction": {"knee": FRICTION}, "friction_ratio": {"knee": 1}},
         control={"friction_model": {"knee": FRICTION}},
     )
-    with raises(ParameterFileError, "knee.yaml", "plant.actuators.knee.rotor_inertia_kgm2"):
+    with raises(ParameterFileError, "knee.yaml", "plant.actuators.knee.rotor_inertia_kgm2") as refused:
         load_device(str(path))
+    assert "extends: ideal" not in str(refused.value), "the file has this base"
     complete = yaml.safe_load(path.read_text(encoding="utf-8"))
     complete["plant"]["actuators"]["knee"] = DRIVE
     path = write(tmp_path / "complete.yaml", **complete)
@@ -183,6 +185,32 @@ def test_page_of_a_device_as_text_and_json(capsys: pytest.CaptureFixture[str]) -
     assert [row["joint"] for row in document["drives"]] == ["hip", "knee", "ankle"]
     device: Device = load_device("twin_ankle")
     assert document["mass_kg"] == pytest.approx(describe_device(device)["mass_kg"])
+
+
+def test_source_of_a_number_is_that_of_the_device_that_states_it(tmp_path: Path) -> None:
+    limits = {"limits": {"torque_Nm": 15, "hip": {"current_A": 20}}}
+    path = write(
+        tmp_path / "mine.yaml", extends="ak80_9_hip", control=limits, sources={"control": "our bench"}
+    )
+    described = describe_device(load_device(str(path)))
+    sources = {row["key"]: row["source"] for row in described["numbers"]}
+    # The base has more specific sources for its own values of these keys.
+    assert sources["control.limits.hip.torque_Nm"] == sources["control.limits.hip.current_A"] == "our bench"
+    assert sources["plant.battery.voltage_V"] == load_device("ak80_9_hip").source_of(
+        "plant.battery.voltage_V"
+    )
+    assert not any(key.startswith("control.limits.knee") for key in sources), "the knee has no drive"
+
+
+def test_range_of_a_joint_without_a_drive_is_that_of_the_urdf(tmp_path: Path) -> None:
+    limits = {"limits": {"knee": {"highest_angle_deg": 100}}}
+    device = load_device(str(write(tmp_path / "mine.yaml", extends="knee_orthosis", control=limits)))
+    upper = {
+        row["side"]: math.degrees(row["upper_rad"])
+        for row in describe_device(device)["joints"]
+        if row["joint"] == "knee"
+    }
+    assert upper == pytest.approx({"left": 100, "right": 140}, abs=1e-3)
 
 
 def test_incomplete_base_is_refused_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:

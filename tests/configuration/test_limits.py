@@ -153,6 +153,19 @@ def test_limits_of_motion_are_at_most_those_of_the_urdf(setting: str) -> None:
         experiment.build_world()
 
 
+def test_limit_in_degrees_may_be_that_of_the_rounded_urdf() -> None:
+    setting = "control.limits.knee.lowest_angle_deg=-5"  # -0.087266 rad in body.urdf, 5e-7 rad less
+    world = load_experiment("knee_orthosis", [setting]).experiment.build_world()
+    assert world.model.position_limits(Side.LEFT, JointName.KNEE)[0] > math.radians(-5)
+
+
+def test_range_for_all_joints_is_that_of_joints_with_a_drive() -> None:
+    settings = ["control.limits.highest_angle_deg=110"]  # beyond the range of the ankles, which have no drive
+    experiment = load_experiment("hip_exoskeleton", settings).experiment
+    control, world = experiment.control, experiment.build_world()
+    assert control.joint_range(world.model, Side.LEFT, JointName.HIP)[1] == pytest.approx(math.radians(110))
+
+
 def test_range_is_not_empty() -> None:
     with raises(ParameterError, "lowest_angle", "highest_angle"):
         LimitParameters(torque=1.0, current=1.0, lowest_angle=0.5, highest_angle=0.5)

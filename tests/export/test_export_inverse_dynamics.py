@@ -167,6 +167,24 @@ def torque_behind_gear(run, side, joint):
     return (motor + others).to_numpy() - rotor * np.gradient(log[f"{name}_velocity_rad_per_s"], TICK)
 
 
+def test_inverse_dynamics_finds_the_muscles_of_joints_without_a_motor(tmp_path_factory):
+    one_knee = exported_walk(tmp_path_factory, 0.0, "knee_orthosis")
+    found, log = inverse_dynamics(one_knee), one_knee.run.log
+    for side, joint in (
+        (Side.LEFT, JointName.HIP),
+        (Side.RIGHT, JointName.HIP),
+        (Side.RIGHT, JointName.KNEE),
+    ):
+        coordinate = OPENSIM_GAIT2392.columns[side, joint]
+        name, sign = f"{side}_{joint}", OPENSIM_GAIT2392.signs.get(joint, 1.0)
+        expected = sign * sum(
+            log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("own", "passive", "stop")
+        )
+        assert rms(expected) > 5.0
+        assert rms(found[coordinate] - expected) < MOMENT_TOLERANCE
+        assert rms(one_knee.moments[f"{coordinate}_moment"] - expected) < 1e-9
+
+
 @pytest.mark.parametrize("way", ["walk", pytest.param("downhill", marks=pytest.mark.slow)])
 def test_inverse_dynamics_of_the_files_finds_the_torques_of_the_log(way, request):
     walk = request.getfixturevalue(way)

@@ -34,6 +34,7 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
+from twin_gait.labels import label_of
 from twin_gait.parameters.environment import BeltProfile
 from twin_gait.report.formatting import (
     amount,
@@ -388,6 +389,17 @@ def test_table_is_shown_next_to_healthy_walking(summary: dict[str, Any]) -> None
     lines = list(format_table([head, *rows]))
     assert len(lines) == len(rows) + 1 and lines[0].endswith("healthy")
     assert len({line.find("1.75") for line in lines if "1.75" in line}) == 1
+
+
+def test_leg_without_a_measure_has_a_dash(summary: dict[str, Any]) -> None:
+    # Own muscles move the left leg only, as with a device that drives the whole right leg.
+    left = summary["sides"]["left"]
+    legs = {**summary["sides"], "left": {**left, "walk": {**left["walk"], "own_power_W": 6.5}}}
+    for sides in (legs, dict(reversed(legs.items()))):
+        head, *rows = walk_table({**summary, "sides": sides})
+        cells = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
+        row = cells[label_of("own_power_W").title]
+        assert (row["left"], row["right"]) == ("6.50", "–")
 
 
 def dragged(walk: Run, force: float) -> dict[str, Any]:

@@ -296,7 +296,7 @@ def test_phase_colours_differ_for_colour_blind_people(cone: str) -> None:
 
 MEANINGS = {
     "phase": {str(phase): phase_colour(str(phase)) for phase in (*GaitPhase, STAND, FIRST_SWING)},
-    "further phase": {str(k): phase_colour("of a user", k) for k in range(3)},
+    "further phase": {str(k): phase_colour("of a user", k) for k in range(5)},
     "side": {str(side): colour for side, colour in SIDE_COLOURS.items()},
     "joint": {str(joint): colour for joint, colour in JOINT_COLOURS.items()},
     "arrow": {"flexion": FLEXION_COLOUR, "extension": EXTENSION_COLOUR},

@@ -73,3 +73,10 @@ def test_legs_start_in_the_postures_that_they_are_given(leading):
     assert (world.leading_angles, world.trailing_angles) == (postures[leading], postures[trailing])
     right = {Side.RIGHT: postures[Side.RIGHT]}
     assert BenchLeg().replace_postures(right).start_angles == postures[Side.RIGHT]
+
+
+def test_joints_without_a_device_start_as_before():
+    belt = Treadmill(leading=Side.LEFT)
+    changed = belt.replace_postures({Side.RIGHT: {JointName.KNEE: 0.4}})
+    assert changed.leading_angles == belt.leading_angles
+    assert changed.trailing_angles == {**belt.trailing_angles, JointName.KNEE: 0.4}

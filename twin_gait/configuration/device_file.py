@@ -68,7 +68,7 @@ class Device:
     description: str  # one line
     sections: dict[str, Any]  # sections of an experiment, all values resolved
     origins: dict[str, str]  # device that states each value, by its key
-    sources: dict[str, str]  # origin of numbers in literature and catalogues, by keys without units
+    sources: dict[str, dict[str, str]]  # origin of numbers in literature and catalogues, by device and key
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of each section by its key; raise ParameterFileError for an invalid value."""
@@ -104,14 +104,17 @@ class Device:
         return next((name for own, name in self.origins.items() if quantity_of(own) == quantity), "")
 
     def source_of(self, key: str) -> str:
-        """Return the stated source of a number by its key, with or without unit; empty if there is none."""
-        keys = (key, _for_all_joints(key))
+        """Return the source of a number in the device that states it; empty if that device gives none.
+
+        ``key``: key of the number, with or without unit.
+        """
+        keys, sources = (key, _for_all_joints(key)), self.sources.get(self.stated_by(key), {})
         covering = [
             known
-            for known in self.sources
+            for known in sources
             if known in keys or any(item.startswith((f"{known}.", f"{known}_")) for item in keys)
         ]
-        return self.sources[max(covering, key=len)] if covering else ""
+        return sources[max(covering, key=len)] if covering else ""
 
 
 def list_devices() -> dict[str, str]:
@@ -163,7 +166,7 @@ def _merged(path: Path, extended_by: tuple[Path, ...]) -> Device:
     sections = _with_absolute_paths(sections, path.parent)
     origins = {key: path.stem for key, _ in _leaves(sections)}
     if not entry.extends:
-        return Device(path.stem, path, entry.description, sections, origins, entry.sources)
+        return Device(path.stem, path, entry.description, sections, origins, {path.stem: entry.sources})
     found = convert_with_context(
         source, "extends", lambda: named_file(entry.extends, "devices", path.parent).resolve()
     )
@@ -179,7 +182,7 @@ def _merged(path: Path, extended_by: tuple[Path, ...]) -> Device:
         description=entry.description or base.description,
         sections=merged,
         origins={key: {**base.origins, **origins}[key] for key, _ in _leaves(merged)},
-        sources={**base.sources, **entry.sources},
+        sources={**base.sources, path.stem: entry.sources},
     )
 
 
@@ -218,7 +221,9 @@ def _require_complete(device: Device) -> None:
         missing = [f"{error.key}.{error.problem.removesuffix(_MISSING).strip(' :')}".strip(".")]
     if missing:
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        problem = f"{_MISSING}{more}; state it, or begin the file with {BASES}"
+        extends = len(device.sources) > 1
+        advice = "state it" if extends else f"state it, or begin the file with {BASES}"
+        problem = f"{_MISSING}{more}; {advice}"
         raise ParameterFileError(str(device.path), missing[0], problem)
 
 

@@ -202,12 +202,20 @@ def check_limits(limits: Mapping[JointName, LimitParameters], plant: PlantParame
             )
 
 
-def check_motion_limits(control: ControlParameters, model: LegModel) -> None:
-    """Raise ParameterError if the speed or the range of a joint exceeds that of the URDF."""
-    for side, leg in model.legs.items():
-        for joint, name in leg.items():
+ROUNDING = 1e-5  # limits of motion may exceed those of a URDF by this [rad, rad/s], which has few decimals
+
+
+def check_motion_limits(
+    control: ControlParameters, model: LegModel, plant: PlantParameters, driven_sides: Collection[Side]
+) -> None:
+    """Raise ParameterError if the speed or the range of a joint with a drive exceeds that of the URDF.
+
+    ``driven_sides``: legs of the device.
+    """
+    for side in driven_sides:
+        for joint, name in model.legs[side].items():
             limits = control.limits.get(joint)
-            if limits is None:
+            if limits is None or joint not in plant.actuators:
                 continue
             where = f"joint {name!r} of the URDF"
             spanned, fastest = model.position_limits(side, joint), model.velocity_limit(side, joint)
@@ -216,7 +224,7 @@ def check_motion_limits(control: ControlParameters, model: LegModel) -> None:
                 ("lowest_angle_rad", limits.lowest_angle, "rad", spanned),
                 ("highest_angle_rad", limits.highest_angle, "rad", spanned),
             ):
-                if value is not None and not lower <= value <= upper:
+                if value is not None and not lower - ROUNDING <= value <= upper + ROUNDING:
                     problem = f"expected {lower:.4g} to {upper:.4g} {unit} as {where}, got {value:g} {unit}"
                     raise ParameterError(
                         f"control.limits.{joint}.{key}: {problem}; narrow it, or leave it out"

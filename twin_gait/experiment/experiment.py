@@ -308,7 +308,7 @@ class Experiment(Parameters):
         plant, pelvis = self.plant, self.scenario.pelvis
         require(pelvis in list(PelvisGuide), f"world {self.scenario.kind!r}: pelvis", "a PelvisGuide", pelvis)
         model = self.leg_model(self.patient, pelvis)
-        check_motion_limits(self.control, model)
+        check_motion_limits(self.control, model, plant, self.sides)
         self._compare_effort_limits(model)
         world = build_world(
             self.scenario,

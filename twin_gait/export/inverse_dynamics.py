@@ -192,14 +192,26 @@ def _joint_moments(run: Run, world: World, convention: Convention, device: bool)
     moments = {}
     for side, joint in ((side, joint) for side, leg in world.model.legs.items() for joint, _ in leg.items()):
         device_moment, log = _device_moment(run, world, side, joint), run.log
-        wearers, brace = f"{side}_{joint}_external_torque_Nm", f"{side}_{joint}_brace_torque_Nm"
+        brace = f"{side}_{joint}_brace_torque_Nm"
         if world.braces is not None and device:
             moment = device_moment - log[brace]
         else:
-            moment = log.get(wearers, 0.0) + (device_moment if world.braces is None else log[brace])
+            wearers = _wearer_moment(run, f"{side}_{joint}")
+            moment = wearers + (device_moment if world.braces is None else log[brace])
         name = f"{convention.columns[side, joint]}_moment"
         moments[name] = convention.signs.get(joint, 1.0) * np.asarray(moment)
     return moments
+
+
+def _wearer_moment(run: Run, name: str) -> Any:
+    """Return the torque of the wearer and of pushes at a joint in [N·m], 0 without a column of one.
+
+    A joint without a motor has columns of the own gait and of the passive moment instead of their sum.
+    """
+    log = run.log
+    if f"{name}_external_torque_Nm" in log:
+        return log[f"{name}_external_torque_Nm"]
+    return log.get(f"{name}_own_torque_Nm", 0.0) + log.get(f"{name}_passive_torque_Nm", 0.0)
 
 
 def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:

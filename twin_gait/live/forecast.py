@@ -16,14 +16,13 @@ from twin_gait.checking.finding import CheckCase, Rule, Severity, once
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import LogChunk, walked_run
-from twin_gait.measures.effort import share_of_ticks
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import EventKind, judge_gait
-from twin_gait.runs.leg_summary import MeasuredLeg
+from twin_gait.runs.leg_summary import MeasuredLeg, saturated_shares
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.settings import WALK, Settings, loop_numbers
 from twin_gait.simulation.stepping import SteppedRun
-from twin_gait.vocabulary import Outcome
+from twin_gait.vocabulary import JointName, Outcome
 
 HORIZON = 10_000  # ticks of a forecast: five strides, within which a change that causes a fall does so
 HELD_TICKS = 2_000  # ticks of a forecast after a trip, within which a wearer who falls in the hold has fallen
@@ -110,18 +109,26 @@ def predict(
     shown = walked_run(walk, run.setup, ahead)
     records = _records(shown, first)
     legs = [MeasuredLeg(shown, record, 1) for record in records]
-    sides, joints = [leg.contact_measures() for leg in legs], tuple(records[0].angles)
+    sides = [leg.contact_measures() for leg in legs]
     text, bad = _describe_result(run, first, records)
     off = {
-        str(joint): float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))
-        for joint in joints
+        str(joint): float(
+            np.mean(
+                [
+                    side.get(f"rmse_{joint}_by_contact_deg", np.nan)
+                    for side, record in zip(sides, records, strict=True)
+                    if joint in record.angles
+                ]
+            )
+        )
+        for joint in JointName
+        if any(joint in record.angles for record in records)
     }
-    saturated = [share_of_ticks(leg.saturation_cases[joint]["saturated"]) for leg in legs for joint in joints]
     return Forecast(
         text=f"after a new start {text}" if over else text,
         bad=bad,
         rmse_deg={joint: finite_or_none(value) for joint, value in off.items()},
-        saturated_share=max(saturated),
+        saturated_share=saturated_shares(legs)["worst_joint_saturated_share"],
         warnings=warnings,
     )
 
@@ -147,8 +154,10 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
     """Return the records of both legs, with the steady part counted from the first tick."""
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.scenario.steady)
     steady = ((begin, end),) if shown.experiment.modes is None else shown.steady_spans
-    names = shown.table.phase_names
+    waiting = shown.waiting_mask
     return [
-        leg_record(shown.columns, side, names, TICK, steady=steady, waiting=shown.waiting_mask)
+        leg_record(
+            shown.columns, side, shown.leg_table(side).phase_names, TICK, steady=steady, waiting=waiting
+        )
         for side in shown.sides
     ]

@@ -12,6 +12,7 @@ import math
 import secrets
 import time
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -30,11 +31,21 @@ from twin_gait.simulation.log import log_layout, state_columns
 from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.viewer import environment
 from twin_gait.viewer.commands import CommandBuffer
-from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns, leg_values
+from twin_gait.viewer.motion import (
+    MODE,
+    LegMotion,
+    Motion,
+    PhaseSpells,
+    extremes,
+    has_muscles,
+    leg_columns,
+    leg_values,
+    phase_column,
+)
 from twin_gait.viewer.page import PageTexts, live_page, page_data
 from twin_gait.viewer.scene import build_scene
 from twin_gait.viewer.server import Change, GuardedHandler, GuardedSocket, SceneServer
-from twin_gait.vocabulary import HOLD
+from twin_gait.vocabulary import HOLD, Side
 
 PERIOD = 0.03  # [s], period of the updates from the session: about 33 frames per second
 BEAT = 0.1  # [s], period of the heartbeat
@@ -50,7 +61,7 @@ class LiveScene:
     Attributes:
         window: Collector of the drawing commands, from which pages receive them.
         page: Description of the page.
-        phases: Phase of gait by leg; None in a hold and before the first block.
+        phases: Phase of the gait table by leg of the device; None in a hold and before the first block.
         mode: Mode of operation; None in a walk without modes, and before the first block.
     """
 
@@ -64,9 +75,10 @@ class LiveScene:
         self.window = CommandBuffer()
         self.mode: str | None = None
         self._scene = build_scene(self.window, model, **scene_options(experiment))
-        self._names, self._modes = (*experiment.table.phase_names, HOLD), mode_names(experiment)
+        phases = simulation_setup.table.phase_names, simulation_setup.own_phase_names
+        self._names, self._modes = (*dict.fromkeys(chain(*phases)), HOLD), mode_names(experiment)
         self._coordinates, self._travelled = state_columns(model)[0], 0.0
-        self.phases: dict[str, str | None] = dict.fromkeys(map(str, model.sides))
+        self.phases: dict[str, str | None] = dict.fromkeys(map(str, experiment.sides))
         self._shown = {
             side: [key for key in leg_columns(columns, side) if not key.endswith(_UNUSED)]
             for side in model.sides
@@ -75,6 +87,7 @@ class LiveScene:
         self.page = page_data(
             PageTexts(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
             view=self._scene.view, phases=self._names, shown=self._shown,
+            muscles=has_muscles(columns),
         )  # fmt: skip
         self.window.send({"type": "page", "path": "", "page": self.page})
 
@@ -86,13 +99,14 @@ class LiveScene:
         }
         row = {name: column[-1:] for name, column in columns.items()}
         held = row["safety_state"][0] == SafetyState.HOLD.code
-        self.phases = {side: None if held else str(row[f"{side}_phase"][0]) for side in self.phases}
+        shown = {side: HOLD if held else str(row[phase_column(row, side)][0]) for side in self._shown}
+        self.phases = {side: None if held else shown[Side(side)] for side in self.phases}
         self.mode = self._modes[int(row[MODE][0])] if self._modes else None
         posture = np.column_stack([row[name] for name in self._coordinates])
         if not np.isfinite(posture).all():
             return  # the scene of a walk that diverged keeps its last valid state
         now = TICK * ticks[-1:]
-        codes = {side: self._names.index(self.phases[side] or HOLD) for side in self._shown}
+        codes = {side: self._names.index(phase) for side, phase in shown.items()}
         legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in codes.items()}
         self.window.apply(self._scene.state_at(Motion(now, posture, legs, self._names, row), 0))
         self._move_belt(columns)

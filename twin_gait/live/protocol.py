@@ -214,7 +214,7 @@ class Frame(PageMessage):
     # ``walking``, ``paused``, ``waiting`` (for a manual step), ``held`` (after a stop or a trip), ``fell``,
     # ``diverged``, ``ended`` or ``died`` (the process of the simulation)
     status: str
-    phases: Mapping[str, str | None]  # phase of gait by leg; null in a hold and before the first tick
+    phases: Mapping[str, str | None]  # phase by leg of the device; null in a hold and before the first tick
     mode: str | None  # mode of operation; null in a walk without modes
     deadlines: DeadlineStatistics  # statistics of the deadlines of the blocks
     events: tuple[Mapping[str, Any], ...] = ()  # faults, trips and falls of the walk: kind, time in [s], text

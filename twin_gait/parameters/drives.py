@@ -88,10 +88,6 @@ class BatteryParameters(quantities.Parameters):
     energy: Annotated[quantities.Energy, quantities.POSITIVE]
 
 
-# Autonomy in [s] of TWIN with its battery (thesis, table 2.1); the activity is not stated.
-STATED_AUTONOMY = 4.0 * 3600.0
-
-
 @dataclass(frozen=True, kw_only=True)
 class ElectronicsParameters(quantities.Parameters):
     """Loads of the battery in addition to the windings, and the share of regenerated power.

@@ -277,25 +277,29 @@ class RunFigure:
     def leg_panels(
         self, key: str, *, timed: bool = True, driven: bool = False
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-        """Yield a titled panel for each joint (row) and leg (column), labelled at the first column.
+        """Yield a titled panel for each joint (row) and leg (column), labelled at the first one of its row.
 
-        A leg has no panel for a joint that neither a drive nor the wearer's own gait moves. ``key``: key of
+        A leg has no panel for a joint that neither a drive nor the wearer's own gait moves, and no column
+        without a panel. ``key``: key of
         the label of the vertical axes, with braces for the joint; ``timed``: whether the phases over time are
         in the background; ``driven``: whether only joints with a drive have a panel.
         """
-        moved = [record.driven if driven else (*record.angles,) for record in self.records]
-        joints = [joint for joint in JointName if any(joint in of_leg for of_leg in moved)]
+        legs = [(record, record.driven if driven else (*record.angles,)) for record in self.records]
+        legs = [(record, of_leg) for record, of_leg in legs if of_leg]
+        joints = [joint for joint in JointName if any(joint in of_leg for _, of_leg in legs)]
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
-        shape = len(joints), len(self.records)
+        shape = len(joints), len(legs)
         sharex: Literal[True, "row"] = True if timed else "row"
         panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey="row")
         for row, joint in enumerate(joints):
-            for axes, record, of_leg in zip(panels[row], self.records, moved, strict=True):
+            first = next(record for record, of_leg in legs if joint in of_leg)
+            for axes, (record, of_leg) in zip(panels[row], legs, strict=True):
                 if joint not in of_leg:
                     axes.set_axis_off()
                     continue
-                label = label_of(key.format(joint)).axis if record is self.records[0] else ""
+                label = label_of(key.format(joint)).axis if record is first else ""
                 style_panel(axes, f"{record.side} {joint}", label)
+                axes.tick_params(labelleft=record is first)  # also if the first leg has no panel here
                 if timed:
                     shade_phases(axes, self.time, self.phases(record), self.names)
                 yield axes, record, joint

@@ -33,20 +33,26 @@ def describe_device(device: Device) -> dict[str, Any]:
     parameters, document = device.parameters(), device.document()
     plant, control, leg = parameters["plant"], parameters["control"], parameters["leg"]
     model = LegModel(leg.urdf, leg.legs, pelvis=PelvisGuide.FIXED, fit_device=False, up_axis=leg.up_axis)
-    check_motion_limits(control, model)
+    driven_sides = leg.driven_sides or tuple(leg.legs)
+    check_motion_limits(control, model, plant, driven_sides)
     joints = []
     for side, names in leg.legs.items():
         for joint, name in names.items():
-            lower, upper = control.joint_range(model, side, joint)
+            driven = joint in plant.actuators and side in driven_sides
+            lower, upper = (
+                control.joint_range(model, side, joint) if driven else model.position_limits(side, joint)
+            )
             effort = model.effort_limit(side, joint)
             row = {
                 "side": str(side),
                 "joint": str(joint),
                 "urdf_joint": name,
-                "driven": joint in plant.actuators and side in (leg.driven_sides or leg.legs),
+                "driven": driven,
             }
             joints.append({**row, "lower_rad": lower, "upper_rad": upper, "urdf_effort_Nm": effort})
     voltage, limits = plant.battery.voltage, control.limits
+    for joint in {*document["control"]["limits"]} - {*plant.actuators}:
+        del document["control"]["limits"][joint]  # a limit for all joints acts on those with a drive
     speeds = {
         joint: control.highest_speed(model, side, joint)
         for side, names in leg.legs.items()

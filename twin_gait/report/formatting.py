@@ -48,7 +48,8 @@ def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return a table of the measures of the legs and of healthy walking, by their names in the summary.
 
     ``summary``: summary of a run; those of earlier versions lack such measures. Returns a head and a row for
-    each measure, with its label and in its display unit; empty without strides on a belt.
+    each measure, with its label and in its display unit; empty without strides on a belt. A leg without a
+    measure, such as the power of own muscles in a leg that is driven whole, has a dash.
     """
     legs = {side: leg for side, leg in summary["sides"].items() if leg.get("walk") and leg["strides_counted"]}
     if not legs:
@@ -56,8 +57,8 @@ def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     healthy = summary["walk_reference"]
     found = [_measures(leg) for leg in legs.values()]
     rows = [("", *legs, "healthy")]
-    for name in found[0]:
-        values = [measures[name] for measures in found]
+    for name in dict.fromkeys(name for measures in found for name in measures):
+        values = [measures.get(name) for measures in found]
         if any(value is not None for value in values):
             label = label_of(name)
             reference = amount(label.convert(healthy[name])) if name in healthy else ""

@@ -76,6 +76,7 @@ def scene_options(experiment: Experiment) -> SceneOptions:
     return SceneOptions(
         environment=world.surroundings,
         drives=experiment.joints,
+        driven_sides=experiment.sides,
         patient=experiment.patient,
         slope=0.0 if walking is None else walking.slope,
         ropes=carried or world.surroundings is not Environment.WALKWAY,

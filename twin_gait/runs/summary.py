@@ -20,7 +20,6 @@ from twin_gait.leg_model.anthropometry import wearer_notes
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, normalise_strides, symmetry_index
-from twin_gait.parameters.drives import STATED_AUTONOMY
 from twin_gait.report.formatting import describe
 from twin_gait.report.reference import reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error, saturated_shares
@@ -128,7 +127,6 @@ def battery_summary(run: Run) -> dict[str, float]:
         **{f"battery_{name}": value for name, value in use.items()},
         "battery_capacity_Wh": battery.energy / 3600.0,
         "battery_life_h": effort.battery_life(battery.energy, use["power_mean_W"]) / 3600.0,
-        "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
     }
 
 

@@ -23,7 +23,8 @@ def step_error(run: Run, **watch: Unpack[WorkCallbacks]) -> dict[str, Any]:
     after that the two walks differ by the motion of a leg in this time. The reported error is the difference
     before the first such shift, which is due to the integrator alone.
 
-    Returns the steps of both runs, the largest difference of any driven joint's angle, and the time from
+    Returns the steps of both runs, the largest difference of the angle of any joint that a drive or the own
+    gait moves, and the time from
     which the phases differ, or None; ``steps`` has these values and the computing time for the step of the
     run and all of :data:`STEPS` that are coarser than the reference.
     """
@@ -48,10 +49,10 @@ def _difference(run: Run, reference: Run) -> dict[str, Any]:
     """Return the largest difference of an angle before the phases differ, their time, and computing time."""
     common = min(len(run.log), len(reference.log))
     log, other = run.log[:common], reference.log[:common]
-    phases = [f"{side}_phase" for side in run.sides]
+    phases = [name for name in log if name.endswith("_phase")]
     differ = (log[phases] != other[phases]).any(axis=1).to_numpy()
     same = max(1, int(np.argmax(differ))) if differ.any() else common
-    names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in run.experiment.joints]
+    names = [f"{leg.side}_{joint}_angle_rad" for leg in run.leg_records() for joint in leg.angles]
     return {
         "largest_angle_error_rad": float((log[names] - other[names])[:same].abs().to_numpy().max()),
         "first_slip_s": None if same == common else same * TICK,

@@ -91,7 +91,7 @@ def fault_row(run: Run) -> dict[str, Any]:
     """
     (fault,) = run.experiment.faults
     trip, limits = run.trip, run.experiment.control.limits
-    joints = [(side, joint) for side in run.sides for joint in run.experiment.joints]
+    joints = [(side, joint) for side in run.experiment.sides for joint in run.experiment.joints]
     # Largest magnitudes of each joint; NaN if a value is empty.
     torque, current = (
         np.array([np.abs(run.log[f"{side}_{joint}_{name}"].to_numpy()).max() for side, joint in joints])

@@ -19,7 +19,7 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.viewer import environment
 from twin_gait.viewer.commands import CommandBuffer, Track, set_animation
 from twin_gait.viewer.figure import ArticulatedFigure
-from twin_gait.viewer.motion import Motion, PhaseSpells, held_rows, read_motion
+from twin_gait.viewer.motion import Motion, PhaseSpells, has_muscles, held_rows, read_motion
 from twin_gait.viewer.page import PageTexts, encode_compressed, page_data, recorded_page
 from twin_gait.viewer.scene import Scene, SceneOptions, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
@@ -63,6 +63,7 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         shown={side: leg.curves for side, leg in motion.legs.items()},
+        muscles=has_muscles(log),
         duration=round(float(motion.times[-1]), 3),
         strides=_strides(log, model, motion),
         frames=encode_compressed(dump(_frames(motion)).encode("ascii")),

@@ -4,7 +4,7 @@ The meshes show a body of 1.75 m and 70 kg, drawn by eye (``urdf/make_meshes.py`
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -38,11 +38,17 @@ _ARROW_OFFSET = np.array([0.05, 0.0, 0.0])  # [m], offset of the arrow from the 
 
 
 def draw_wearer(
-    figure: ArticulatedFigure, legs: Mapping[Side, LegJoints], patient: Patient, *, trunk_joint: str | None
+    figure: ArticulatedFigure,
+    legs: Mapping[Side, LegJoints],
+    patient: Patient,
+    *,
+    trunk_joint: str | None,
+    strapped: Collection[Side],
 ) -> None:
     """Draw the wearer on a figure.
 
-    ``trunk_joint``: joint to which the trunk is fixed, or None to draw the legs only.
+    ``trunk_joint``: joint to which the trunk is fixed, or None to draw the legs only; ``strapped``: legs that
+    are strapped to the device.
     """
     for side, leg in legs.items():
         inside = _hip_offset(figure, side, leg.hip, patient)
@@ -57,7 +63,8 @@ def draw_wearer(
             # The limb is scaled by girth and by segment length, and sheared towards the joint below.
             limb = _wearer_scaling(patient, float(np.linalg.norm(segment)))
             limb[1, 2:] = upper - lower, upper
-            for part, look in ((name, "skin"), (f"{name}_strap", "strap")):
+            drawn = ((name, "skin"), (f"{name}_strap", "strap"))
+            for part, look in drawn if side in strapped else drawn[:1]:
                 shape = shapes.load_packaged_mesh(f"wearer_{part}", _axes(-segment) @ limb)
                 figure.draw(joint, f"wearer_{part}", shape, MATERIALS[look])
         if leg.ankle is not None:

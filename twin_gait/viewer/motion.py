@@ -5,7 +5,7 @@ Curves have few points that represent them faithfully: corners of recorded curve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -45,10 +45,10 @@ class LegMotion:
     """Motion of one leg over time."""
 
     phases: PhaseSpells
-    # angles in [deg] by the names of the joints, motor torques in [N·m] as ``hip_torque`` and so on, the
-    # parts of the commanded torque in [N·m] as ``hip_impedance`` and so on, and the normal forces of foot and
-    # crutch in [N] as ``force`` and ``crutch``; each has points at the frames, and between them where its
-    # shape needs them
+    # angles in [deg] by the names of the joints, torques of motors or muscles in [N·m] as ``hip_torque`` and
+    # so on, the parts of the commanded torque in [N·m] as ``hip_impedance`` and so on, and the normal forces
+    # of foot and crutch in [N] as ``force`` and ``crutch``; each has points at the frames, and between them
+    # where its shape needs them
     curves: Mapping[str, Curve]
 
 
@@ -85,7 +85,7 @@ def read_motion(
     model.
     """
     coordinates, _ = state_columns(model)
-    phase_columns = [_phase_column(log, side) for side in model.sides]
+    phase_columns = [phase_column(log.columns, side) for side in model.sides]
     for name in ("time_s", *coordinates, *phase_columns):
         if name not in log.columns:
             raise ViewerError(f"the log has no column {name!r}; expected a log of {model.urdf_path.name}")
@@ -139,13 +139,13 @@ def _rows_to_show(times: np.ndarray, frames_per_second: float, frame_times: np.n
 
 
 def _spells(log: pd.DataFrame, times: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
-    phases = log[_phase_column(log, side)].astype(str).mask(held_rows(log), HOLD)
+    phases = log[phase_column(log.columns, side)].astype(str).mask(held_rows(log), HOLD)
     return _changes(phases.map(names.index).to_numpy(dtype=int), times)
 
 
-def _phase_column(log: pd.DataFrame, side: Side) -> str:
-    """Return the name of the column of the phases of a leg."""
-    return f"{side}_phase" if f"{side}_phase" in log.columns else f"{side}_own_phase"
+def phase_column(columns: Container[str], side: Side) -> str:
+    """Return the column of the phases of a leg: those of the device, or else those of the own gait."""
+    return f"{side}_phase" if f"{side}_phase" in columns else f"{side}_own_phase"
 
 
 def _changes(codes: np.ndarray, times: np.ndarray) -> PhaseSpells:
@@ -177,6 +177,11 @@ def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}
     columns |= {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
     return {name: column for name, column in columns.items() if column in log}
+
+
+def has_muscles(columns: Iterable[str]) -> bool:
+    """Return whether the torques of some joints in a log are those of the wearer's own gait."""
+    return any(name.endswith("_own_torque_Nm") for name in columns)
 
 
 class Curve(NamedTuple):

@@ -86,17 +86,20 @@ def page_data(
     view: View,
     phases: Sequence[str] = (),
     shown: CurveNames | None = None,
+    muscles: bool = False,
     **mode_data: Any,
 ) -> dict[str, Any]:
     """Return the data of a run or of a live scene for the scripts of the page.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``mode_data``: further data of this mode.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``muscles``: whether the torques of some joints are those
+    of the wearer's muscles, not of motors; ``mode_data``: further data of this mode.
     """
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
          "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
         for side, keys in (shown or {}).items()
     ]  # fmt: skip
+    columns = {**_COLUMNS, "torque": "torque_Nm"} if muscles else _COLUMNS
     return {
         **texts,
         "mode": mode,
@@ -115,7 +118,7 @@ def page_data(
         ],
         "labels": {
             kind: {"name": label_of(column).name, "unit": label_of(column).display_unit}
-            for kind, column in _COLUMNS.items()
+            for kind, column in columns.items()
         },
         "legs": legs,
         "arrow": _ARROW if any("force" in leg["shows"] for leg in legs) else None,

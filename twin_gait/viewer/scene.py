@@ -176,6 +176,7 @@ class SceneOptions(TypedDict, total=False):
     Attributes:
         environment: Surroundings; by default a treadmill.
         drives: Joints with a motor; by default hip and knee.
+        driven_sides: Legs of the device; by default all.
         patient: The wearer, or None.
         slope: Angle by which the treadmill rises forwards in [rad].
         ropes: Whether the wearer has a harness on ropes; by default true.
@@ -185,6 +186,7 @@ class SceneOptions(TypedDict, total=False):
 
     environment: Environment
     drives: Collection[str]
+    driven_sides: Collection[Side]
     patient: Patient | None
     slope: float
     ropes: bool
@@ -198,12 +200,15 @@ def build_scene(window: CommandBuffer, model: LegModel, **setting: Unpack[SceneO
     A mesh that cannot be read is omitted with a warning. Raises ModelError if the URDF cannot be read.
     """
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
+    driven_sides = setting.get("driven_sides", model.sides)
     for side, leg in model.legs.items():
-        scene.draw_drives(side, leg, setting.get("drives", (JointName.HIP, JointName.KNEE)))
+        drives = setting.get("drives", (JointName.HIP, JointName.KNEE))
+        scene.draw_drives(side, leg, drives if side in driven_sides else ())
     patient, around = setting.get("patient"), setting.get("environment", Environment.TREADMILL)
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
-        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
+        trunk_of_legs = trunk if walks else None
+        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk_of_legs, strapped=driven_sides)
     first = next(iter(model.legs))
     hip, end = model.legs[first].hip, model.legs[first].items()[-1][1]
     top = scene.figure.world_point(hip)

@@ -54,9 +54,14 @@ class SplitStance(Scenario):
         return self.leading
 
     def replace_postures(self, postures: Mapping[Side, Posture]) -> Self:
-        """Return the same world with legs that start in other postures."""
-        trailing = next(angles for side, angles in postures.items() if side is not self.leading)
-        changed = {"leading_angles": postures[self.leading], "trailing_angles": trailing}
+        """Return the same world with legs that start in other postures.
+
+        Legs that are not given, and joints that are not given of a leg, start as before.
+        """
+        leading, trailing = dict(self.leading_angles), dict(self.trailing_angles)
+        for side, angles in postures.items():
+            (leading if side is self.leading else trailing).update(angles)
+        changed = {"leading_angles": leading, "trailing_angles": trailing}
         return replace(self, **changed)
 
     def postures(self, slope: float = 0.0) -> dict[Side, Posture]:

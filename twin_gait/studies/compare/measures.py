@@ -36,18 +36,18 @@ def run_measures(run: Run) -> Measures:
     pairs = zip(legs, reversed(legs), strict=True)
     by_owner = {str(leg.record.side): _gait(leg, other) for leg, other in pairs}
     by_leg = pd.DataFrame(by_owner).T
-    leg_joints = [(leg, joint) for leg in legs for joint in leg.record.angles]
-    joint_values = {
-        (leg.record.side, joint): {**_shape(leg, joint), **_effort(leg, joint)} for leg, joint in leg_joints
-    }
-    by_joint = pd.DataFrame(joint_values).T
-    by_owner |= {f"{side}_{joint}": values for (side, joint), values in joint_values.items()}
-    by_owner |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
+    shapes = {(leg.record.side, joint): _shape(leg, joint) for leg in legs for joint in leg.record.angles}
+    efforts = {(leg.record.side, joint): _effort(leg, joint) for leg in legs for joint in leg.record.driven}
+    by_owner |= {f"{key[0]}_{key[1]}": {**shapes[key], **efforts.get(key, {})} for key in shapes}
+    by_joint, by_drive = pd.DataFrame(shapes).T, pd.DataFrame(efforts).T
+    for rows_of_all in (by_joint, by_drive):
+        for joint, rows in rows_of_all.groupby(level=1):
+            by_owner[str(joint)] = {**by_owner.get(str(joint), {}), **_means(rows)}
     found |= {f"{owner}_{name}": value for owner, row in by_owner.items() for name, value in row.items()}
     powers = pd.DataFrame([wearer_powers(run.columns, leg.record, leg.strides) for leg in legs]).sum(
         skipna=False
     )
-    return {**found, **_together(run, by_leg, by_joint), **powers}
+    return {**found, **_together(run, by_leg, by_joint, by_drive), **powers}
 
 
 def _means(rows: pd.DataFrame) -> Measures:
@@ -146,11 +146,16 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     return strides.finite_mean(np.array(shares))
 
 
-def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measures:
-    """Compute the measures of both legs together; most are the mean of the legs."""
+def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame, by_drive: pd.DataFrame) -> Measures:
+    """Compute the measures of both legs together; most are the mean of the legs.
+
+    Rows of ``by_joint`` are all joints, rows of ``by_drive`` those with a drive. The symmetry of the torques
+    of the device is NaN for a device on one leg.
+    """
     log, power = run.columns, float(np.asarray(run.columns["battery_power_W"]).mean())
     ranges = by_joint["range_of_motion_deg"].unstack()
-    work = by_joint[["wearer_work_J", "device_work_J"]].sum(skipna=False)
+    work = by_drive[["wearer_work_J", "device_work_J"]].sum(skipna=False)
+    torques = by_drive["interaction_rms_Nm"].unstack().sum(axis=1)
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
     return {
         **_means(by_leg),
@@ -158,11 +163,12 @@ def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measure
         "gps_koopman_deg": gait_profile_score(by_joint["gvs_koopman_deg"].tolist()),
         "step_time_symmetry": strides.symmetry_index(*by_leg["step_time_s"]),
         **{f"{joint}_range_symmetry": strides.symmetry_index(*ranges[joint]) for joint in ranges},
-        "interaction_symmetry": strides.symmetry_index(*by_joint["interaction_rms_Nm"].unstack().sum(axis=1)),
-        **{name: effort.root_mean_square(by_joint[name].to_numpy()) for name in rms},
+        "interaction_symmetry": strides.symmetry_index(*torques) if len(torques) == len(by_leg) else math.nan,
+        **{name: effort.root_mean_square(by_drive[name].to_numpy()) for name in rms},
         "wearer_work_share": effort.share_of_work(*work),
-        **_means(by_joint[["assistance_level", "smoothness"]]),
-        "current_rms_share": by_joint["current_rms_share"].max(),
+        **_means(by_drive[["assistance_level"]]),
+        **_means(by_joint[["smoothness"]]),
+        "current_rms_share": by_drive["current_rms_share"].max(),
         "battery_power_W": power,
         "battery_life_h": effort.battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
         "energy_per_metre_J": power / ground_speed(log, np.array([[0, len(log)]]), TICK),

@@ -45,7 +45,7 @@ const plots = {
     const each = (suffix, unit, label) => JOINTS.map(([joint, name, positive]) => (
       { label: `${name} ${label ?? positive}`, unit, lines: this.lines(joint + suffix) }));
     const sets = [
-      { name: "Angles and motor torques", panels: [...each("", angle.unit), ...each("_torque", torque.unit, torque.name)] },
+      { name: "Angles and torques", panels: [...each("", angle.unit), ...each("_torque", torque.unit, torque.name)] },
       ...this.runs[0].legs.map((leg) => this.split(leg)),
       { name: "Ground reaction forces", panels: [
         { label: `${capitalize(force.name)} on the foot`, unit: force.unit, lines: this.lines("force") },
