@@ -35,8 +35,9 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "twin_gait.measures.effort": ("energy_balance",),
     "twin_gait.measures.foot_contact": ("CONTACT_FORCE",),
     "twin_gait.measures.leg_record": ("leg_record",),
-    "twin_gait.measures.reference": ("reference_curve",),
-    "twin_gait.measures.strides": ("normalise_strides",),
+    "twin_gait.measures.phases": ("usual_phases",),
+    "twin_gait.measures.reference": ("normative_moment", "reference_curve"),
+    "twin_gait.measures.strides": ("PERCENT", "normalise_strides"),
     "twin_gait.palette": (
         "BLACK", "BLUE", "BLUISH_GREEN", "EVENT_COLOUR", "GREY", "JOINT_COLOURS", "ORANGE", "REDDISH_PURPLE",
         "VERMILLION",

@@ -24,7 +24,7 @@ SECTIONS = {
         "What if",
         ("whatif_friction_map", "whatif_inertia", "whatif_temperature", "friction_presliding"),
     ),
-    "people": ("People", ("shipped_people", "cohort", "tuned_cohort")),
+    "people": ("People and devices", ("shipped_people", "cohort", "tuned_cohort", "device_walks")),
     "walk": (
         "The walk: goals, robustness, ground forces",
         ("default_walk", "ground_forces", "robustness_map", "start_stop", "attainable_floor"),

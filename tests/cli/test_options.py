@@ -75,7 +75,7 @@ def test_options_of_one_name_mean_the_same_everywhere():
             assert {"--out", "--dbc"} & flags, name
     different = {flag: found for flag, found in meanings.items() if len(found) > 1}
     # A shorthand of --set is a list where there is an experiment, and a value where there is none.
-    assert set(different) <= {"--device", "--duration", "--mass", "--seed", "--speed"}, different
+    assert set(different) <= {"--device", "--duration", "--mass", "--seed", "--speed", "--table"}, different
 
 
 def test_every_command_of_an_experiment_checks_its_table():

@@ -119,7 +119,11 @@ def test_torque_resolution_divides_the_resolution_of_the_monitor():
 ON_CHAIR = ("lean", "rise", "straighten", "reach_back", "lower")
 
 
-@pytest.mark.parametrize("preset", presets())
+# The shipped DBC file is that of TWIN; the layout of another device is generated.
+OF_TWIN = [name for name in presets() if load_experiment(name).experiment.device.name.startswith("twin")]
+
+
+@pytest.mark.parametrize("preset", OF_TWIN)
 def test_the_ranges_cover_the_shipped_experiments_with_a_margin_of_half(preset):
     experiment = load_experiment(preset).experiment
     problem = build_setup(experiment)
@@ -169,7 +173,7 @@ def test_codes_equal_the_codes_of_the_program():
     assert state["trip_cause"] == causes
     assert state["safety_state"] == {str(item): item.code for item in SafetyState}
     assert [state["left_phase"][phase] for phase in GaitPhase] == list(range(5))
-    tables = {phase for preset in presets() for phase in load_experiment(preset).experiment.table.phases}
+    tables = {phase for preset in OF_TWIN for phase in load_experiment(preset).experiment.table.phases}
     # Four bits hold no more; these are sent as another one.
     assert tables - set(state["left_phase"]) == {"straighten", "upright", "reach_back", "lower", "gravity"}
     assert state["left_phase"] == state["right_phase"] and state["left_phase"]["other"] == 15

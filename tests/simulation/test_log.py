@@ -64,7 +64,7 @@ def test_every_column_of_every_layout_has_a_unit_and_a_meaning_that_match_its_na
 
 def test_a_column_is_declared_with_one_unit_and_one_meaning() -> None:
     known: dict[str, str] = {}
-    assert len(KINDS) == 19
+    assert len(KINDS) == 23
     for kind in KINDS:
         for name, (_, meaning) in kind.columns.items():
             assert known.setdefault(name, meaning) == meaning
@@ -83,9 +83,11 @@ def test_an_unknown_column_has_no_meaning() -> None:
     assert unit_of("time_s") == "s"
 
 
-def test_braces_are_a_source_of_work_if_present() -> None:
+def test_braces_and_muscles_are_sources_of_work_if_present() -> None:
     for layout in LAYOUTS:
-        sources = (*WORK_SOURCES, "brace") if "pelvis_brace_force_N" in layout.names else WORK_SOURCES
+        parts = {"brace": "pelvis_brace_force_N", "own_gait": "left_own_phase"}
+        more = [source for source, column in parts.items() if column in layout.names]
+        sources = (*WORK_SOURCES, *more)
         assert work_sources(layout.names) == sources
         assert {f"{name}_work_J" for name in sources} <= set(layout.names)
 

@@ -26,7 +26,6 @@ class OwnJoint:
     velocity_line: DelayLine  # Delay line of the velocity that the wearer perceives, in [rad/s].
     angle: float = 0.0  # Perceived angle in [rad].
     velocity: float = 0.0  # Perceived velocity in [rad/s].
-    torque: float = 0.0  # Last torque of the muscles on the joint in [N·m].
 
 
 @dataclass(slots=True)
@@ -53,10 +52,11 @@ class OwnGait:
     signals: list[float]  # Signals that the guards read: of this leg, of the other leg, of the device.
     blend_law: int  # Law of the blending, one of the ``BLEND_*`` constants.
     first_noise: int  # Index of the noise of the first joint in a row of noise.
+    torque: list[float]  # Last torques of the muscles on the coordinates in [N·m]; 0 without muscles.
 
 
 def muscle_torque(joint: OwnJoint, angle: float, velocity: float) -> float:
-    r"""Compute and store the torque in [N·m] of the muscles on a joint, positive in flexion.
+    r"""Compute the torque in [N·m] of the muscles on a joint, positive in flexion.
 
     :math:`\tau = -\left[k\,(\theta - \theta_0) + b\,\omega\right]`, limited to the strength of the muscles.
 
@@ -64,5 +64,4 @@ def muscle_torque(joint: OwnJoint, angle: float, velocity: float) -> float:
     """
     setpoint = joint.blended
     torque = impedance_torque(angle, velocity, setpoint.stiffness, setpoint.damping, setpoint.equilibrium)
-    joint.torque = min(max(torque, -joint.highest_torque), joint.highest_torque)
-    return joint.torque
+    return min(max(torque, -joint.highest_torque), joint.highest_torque)

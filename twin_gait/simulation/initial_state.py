@@ -241,6 +241,7 @@ def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
         signals=rows.table.to_si({}),
         blend_law=rows.table.blending.law.code,
         first_noise=setup.noise.shape[1] - len(rows.joints),
+        torque=[0.0] * len(start_q),
     )
 
 

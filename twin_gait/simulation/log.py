@@ -91,10 +91,13 @@ UNDRIVEN = ColumnGroup(
 ANKLE = ColumnGroup("index = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
 
 # Columns of a leg and of a joint in the wearer's own gait, and the work of its muscles.
-OWN_PHASE = ColumnGroup(own_phase=("e.own_gait.legs[n].phase", ""))
+OWN_PHASE = ColumnGroup(own_phase=("e.own_gait.legs[n].phase", "phase of the wearer's own gait"))
 OWN_JOINT = ColumnGroup(
     "own = e.own_gait.joints[n]",
-    own_torque_Nm=("own.torque", "torque of the wearer's muscles in the wearer's own gait"),
+    own_torque_Nm=(
+        "e.own_gait.torque[own.index + WEARER_OFFSET]",
+        "torque of the wearer's muscles in the wearer's own gait",
+    ),
     own_stiffness_Nm_per_rad=("own.blended.stiffness", "stiffness of the muscles, blended"),
     own_damping_Nms_per_rad=("own.blended.damping", "damping of the muscles, blended"),
     own_equilibrium_rad=("own.blended.equilibrium", "equilibrium angle of the muscles, blended"),

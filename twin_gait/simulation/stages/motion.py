@@ -6,7 +6,6 @@ from twin_gait.core.friction import (
     advance_deflection,
     rotational_friction_and_share,
 )
-from twin_gait.core.own_gait import muscle_torque
 from twin_gait.core.plant import (
     brace_torque,
     imposed_motion_torque,
@@ -42,6 +41,7 @@ from twin_gait.simulation.stages.environment import (
     tip_energy,
     update_tip_anchors,
 )
+from twin_gait.simulation.stages.own_gait import add_muscle_torques
 from twin_gait.simulation.stages.sensors import normal_force, point_force
 
 # Largest number of solutions for the accelerations of one state, in the search for the signs of gear loads.
@@ -95,12 +95,6 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
             motion = one.imposed_motion
             motion.torque = imposed_motion_torque(motion, time, q[motion.index], v[motion.index])
             one.torque[motion.index] += motion.torque
-    if WITH_OWN_GAIT:
-        for number in range(len(e.own_gait.joints)):
-            i = e.own_gait.joints[number].index + WEARER_OFFSET
-            for one in vector_lanes(e):
-                q, v = _state(one, staged)
-                one.torque[i] += muscle_torque(one.own_gait.joints[number], q[i], v[i])
     if WEARER_OFFSET > 0:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):
@@ -112,6 +106,8 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
     for one in vector_lanes(e):
         q, v = _state(one, staged)
         add_trunk_forces(one, q, v)
+        if WITH_OWN_GAIT:
+            add_muscle_torques(one, q, v)
     _solve(e, staged)
     for one in vector_lanes(e):
         q, v = _state(one, staged)
@@ -320,12 +316,8 @@ def _add_work(e: Episode, duration: float) -> None:
             works.stop += duration * plant.stop_torque * v
             works.spring += duration * plant.spring_torque * v
             works.external += duration * one.external[i] * v
-    if WITH_OWN_GAIT:
-        for number in range(len(e.own_gait.joints)):
-            i = e.own_gait.joints[number].index + WEARER_OFFSET
-            for one in vector_lanes(e):
-                works, v = one.work, one.integrator.v[i]
-                works.own_gait += duration * one.own_gait.joints[number].torque * v
+            if WITH_OWN_GAIT:
+                works.own_gait += duration * one.own_gait.torque[i] * v
     if WEARER_OFFSET > 0:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):

@@ -15,6 +15,7 @@ from twin_gait.core.blending import blend_share
 from twin_gait.core.control_tick import blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.guards import NO_TRANSITION, next_transition
+from twin_gait.core.own_gait import muscle_torque
 from twin_gait.simulation.backend import noise_row
 from twin_gait.simulation.build_flags import WEARER_OFFSET
 from twin_gait.simulation.episode import Episode
@@ -68,6 +69,16 @@ def blend_impedance(e: Episode, number: int, tick: int) -> None:
     if since <= ticks:
         share = blend_share(1.0 if ticks <= 0 else since / ticks, own.blend_law)
         blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
+
+
+def add_muscle_torques(e: Episode, q: list[float], v: list[float]) -> None:
+    """Add the torques of the muscles to the torques of the wearer's joints."""
+    own = e.own_gait
+    for number in range(len(own.joints)):
+        joint = own.joints[number]
+        index = joint.index + WEARER_OFFSET
+        own.torque[index] = muscle_torque(joint, q[index], v[index])
+        e.torque[index] += own.torque[index]
 
 
 def _write_leg(e: Episode, number: int, first: int) -> None:
