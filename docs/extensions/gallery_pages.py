@@ -24,7 +24,7 @@ SECTIONS = {
         "What if",
         ("whatif_friction_map", "whatif_inertia", "whatif_temperature", "friction_presliding"),
     ),
-    "people": ("People", ("shipped_people", "cohort", "tuned_cohort")),
+    "people": ("People", ("shipped_people", "cohort", "tuned_cohort", "device_walks")),
     "walk": (
         "The walk: goals, robustness, ground forces",
         ("default_walk", "ground_forces", "robustness_map", "start_stop", "attainable_floor"),
@@ -53,6 +53,7 @@ THUMBNAILS = {
     "shipped_people": "treadmill_phone.png",
     "cohort": "treadmill.png",
     "tuned_cohort": "tune.png",
+    "device_walks": "treadmill.png",
     "default_walk": "gait_cycle.png",
     "start_stop": "live_phone.png",
     "firmware": "live.png",

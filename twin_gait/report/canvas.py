@@ -315,7 +315,7 @@ class RunFigure:
         return phases[rows or self.window]
 
     def phase_codes(self, record: LegRecord) -> np.ndarray:
-        """Return the phase of a leg at each tick as its index in :attr:`names`, shape ``(n,)``."""
+        """Return the phase of a leg at each tick as its index in ``names``, shape ``(n,)``."""
         names = self.run.leg_table(record.side).phase_names
         codes = np.array([self.names.index(name) for name in names])
         return np.asarray(codes[record.phases])
