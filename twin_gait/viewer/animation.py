@@ -63,7 +63,7 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         shown={side: leg.curves for side, leg in motion.legs.items()},
-        muscles=has_muscles(log),
+        muscles=has_muscles(map(str, log)),
         duration=round(float(motion.times[-1]), 3),
         strides=_strides(log, model, motion),
         frames=encode_compressed(dump(_frames(motion)).encode("ascii")),
