@@ -36,6 +36,7 @@ def drive(joint: str) -> dict[str, float]:
         "gear_inertia_kgm2": 1e-5,
         "gear_efficiency": 1.0,
         "continuous_torque_Nm": 15.0,
+        "inductance_H": 1e-4,
     }
 
 

@@ -53,6 +53,7 @@ THUMBNAILS = {
     "shipped_people": "treadmill_phone.png",
     "cohort": "treadmill.png",
     "tuned_cohort": "tune.png",
+    "device_walks": "treadmill.png",
     "default_walk": "gait_cycle.png",
     "start_stop": "live_phone.png",
     "firmware": "live.png",

@@ -14,6 +14,7 @@ from errors import raises
 from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
+from twin_gait.configuration.validation import packaged
 from twin_gait.core.control_tick import ImpedanceSetpoint
 from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.own_gait import OwnJoint, muscle_torque
@@ -26,6 +27,8 @@ from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import simulate_blocks
 
+# A table of a device, with its friction compensation.
+TREADMILL = packaged("tables")["treadmill"]
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
 # A knee orthosis whose table needs one joint and the foot under it.
 KNEE_TABLE = """
@@ -137,8 +140,8 @@ def test_device_on_the_right_is_the_mirror_image_of_one_on_the_left(one_knee: st
                 "scenario.leading=right",
                 "leg.driven_sides=[right]",
                 *(f"{mass}.left_{part}.mass_kg=0" for part in ("thigh", "shank")),
-                f"{mass}.right_thigh={{mass_kg: 1.5, along: 0.8, radius_of_gyration_m: 0.1}}",
-                f"{mass}.right_shank={{mass_kg: 0.7, along: 0.3, radius_of_gyration_m: 0.1}}",
+                f"{mass}.right_thigh={{mass_kg: 1.9, along: 0.8, radius_of_gyration_m: 0.1}}",
+                f"{mass}.right_shank={{mass_kg: 0.8, along: 0.3, radius_of_gyration_m: 0.1}}",
             ],
         ).experiment
     )
@@ -197,7 +200,7 @@ def test_device_in_braces_can_leave_joints_to_the_wearer() -> None:
         ("patient=null", ["own_gait", "null"]),
         ("patient.left.knee.effort=0.5", ["patient.left.knee.effort", "0", "0.5"]),
         (
-            "own_gait.table=treadmill",
+            f"own_gait.table={TREADMILL}",
             ["own_gait.table.phases.early_stance.hip.friction_compensation_gain", "0", "0.28"],
         ),
         ("own_gait.delay_ms=600", ["own_gait.delay_ms", "500", "600"]),

@@ -279,7 +279,6 @@ def test_engines_agree_on_fewer_joints(joints):
             ["control.mode=position"],
             ("control.mode", "position", "hip", "knee"),
         ),
-        (WALK, ["network=can"], ("network", "hip, knee", "hip, knee, ankle", "network: ideal")),
         (
             "treadmill",
             ["faults=['motor_dead:left_ankle@1s']"],

@@ -49,7 +49,7 @@ def _difference(run: Run, reference: Run) -> dict[str, Any]:
     """Return the largest difference of an angle before the phases differ, their time, and computing time."""
     common = min(len(run.log), len(reference.log))
     log, other = run.log[:common], reference.log[:common]
-    phases = [name for name in map(str, log) if name.endswith("_phase")]
+    phases = [name for name in log if str(name).endswith("_phase")]
     differ = (log[phases] != other[phases]).any(axis=1).to_numpy()
     same = max(1, int(np.argmax(differ))) if differ.any() else common
     names = [f"{leg.side}_{joint}_angle_rad" for leg in run.leg_records() for joint in leg.angles]
