@@ -12,7 +12,6 @@ import pytest
 from example_robots import twin_joints
 from hypothesis import HealthCheck, settings
 from tested_copy import copies_in_use, describe_mismatch
-from twin_device import HIP_ACTUATOR, KNEE_ACTUATOR
 
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
@@ -29,7 +28,15 @@ settings.register_profile(
 )
 settings.load_profile("twin_gait")
 
-ARMATURE = {JointName.HIP: HIP_ACTUATOR.armature, JointName.KNEE: KNEE_ACTUATOR.armature}
+
+def armature() -> dict[JointName, float]:
+    """Return the inertia of the drives of TWIN at the joints in [kg·m²].
+
+    The device is read here, because a broken copy of the package must not stop the import of this module.
+    """
+    from twin_device import HIP_ACTUATOR, KNEE_ACTUATOR
+
+    return {JointName.HIP: HIP_ACTUATOR.armature, JointName.KNEE: KNEE_ACTUATOR.armature}
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -86,13 +93,13 @@ def bench_leg() -> dict[Side, LegJoints]:
 @pytest.fixture(scope="session")
 def twin(both_legs: dict[Side, LegJoints]) -> LegModel:
     """Return the device alone with both legs and the pelvis fixed in the world."""
-    return LegModel("twin.urdf", both_legs, armature=ARMATURE)
+    return LegModel("twin.urdf", both_legs, armature=armature())
 
 
 @pytest.fixture(scope="session")
 def bench(bench_leg: dict[Side, LegJoints]) -> LegModel:
     """Return the leg of the device on its test stand."""
-    return LegModel("twin_leg.urdf", bench_leg, armature=ARMATURE)
+    return LegModel("twin_leg.urdf", bench_leg, armature=armature())
 
 
 @pytest.fixture(scope="session")
@@ -103,5 +110,5 @@ def worn_twin(both_legs: dict[Side, LegJoints]) -> LegModel:
         both_legs,
         patient=Patient(),
         pelvis=PelvisGuide.VERTICAL,
-        armature=ARMATURE,
+        armature=armature(),
     )

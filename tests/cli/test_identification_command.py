@@ -295,7 +295,7 @@ def test_friction_of_another_device_is_identified_with_its_drive(tmp_path, capsy
     assert parsed.run(parsed) == DONE
     settings = json.loads((logs / "campaign.json").read_text())["bench"]
     assert (settings["actuator"]["gear_ratio"], settings["battery"]["voltage"]) == (30.0, 48.0)
-    assert settings["limits"] == {"torque": 40.0, "current": 30.0}
+    assert (settings["limits"]["torque"], settings["limits"]["current"]) == (40.0, 30.0)
     fast = ("--model", "rotational", "--no-pictures", "--no-cross-validation")
     assert call(logs, "--joint", "knee", "--device", device, *fast, "--out", out) == DONE
     document = json.loads((out / "identification.json").read_text())
