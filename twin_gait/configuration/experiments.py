@@ -221,7 +221,10 @@ def load_named_document(key: str, value: Any, path: Path, source: str = "") -> d
         gait_table_file.mode_table_from_mapping(data, str(found), found.stem)
         return {"name": found.stem, **data}
     read_patient(found)
-    return merge(_person(data, found), changes)
+    person = _person(data, found)
+    if "own_gait" in person:  # its path refers to the folder of the person's file
+        person["own_gait"] = _resolved_own_gait(person["own_gait"], found)
+    return merge(person, changes)
 
 
 def _scenario_of(name: str, path: Path, source: str) -> dict[str, Any]:
@@ -248,6 +251,12 @@ def read_patient(path: Path) -> Patient:
     section = validate(section_of(Patient), person, str(path))
     patient: Patient = convert_with_context(str(path), "", section.convert)
     return patient
+
+
+def sections_of_person(person: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the sections of an experiment that a person gives: ``patient`` and, if present, ``own_gait``."""
+    own_gait = {"own_gait": person["own_gait"]} if "own_gait" in person else {}
+    return {"patient": {key: value for key, value in person.items() if key != "own_gait"}, **own_gait}
 
 
 def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -298,8 +307,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         whole = load_named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
         if whole is None:
             changes.append((keys, value))
-        else:
-            data[key] = whole
+            continue
+        data |= sections_of_person(whole) if key == "patient" else {key: whole}
     paths = [keys for keys, _ in changes]
     if data.get("controller") is not None and ["control", "mode"] in paths and ["controller"] not in paths:
         raise ParameterFileError(
@@ -440,9 +449,9 @@ def _resolved(data: dict[str, Any], path: Path, device: Device | None = None) ->
         device = _named_device(name, path)
     found = {key: load_named_document(key, given.get(key), path) for key in _NAMED}
     whole = {key: document for key, document in found.items() if document is not None}
-    if (person := whole.get("patient")) is not None and "own_gait" in person:
-        whole["patient"] = {key: value for key, value in person.items() if key != "own_gait"}
-        given.setdefault("own_gait", person["own_gait"])
+    if (person := whole.get("patient")) is not None:
+        given = sections_of_person(person) | given
+        whole["patient"] = sections_of_person(person)["patient"]
     if "own_gait" in given:
         given["own_gait"] = _resolved_own_gait(given["own_gait"], path)
     base: dict[str, Any] = {}

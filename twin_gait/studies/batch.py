@@ -23,6 +23,7 @@ from twin_gait.configuration.experiments import (
     experiment_from_mapping,
     load_named_document,
     replace_device,
+    sections_of_person,
 )
 from twin_gait.configuration.validation import (
     assign,
@@ -217,6 +218,9 @@ def apply_override(
             if named is not None and key == "device":
                 document = replace_device(document, named)
                 continue
+            if named is not None and key == "patient":
+                sections = sections_of_person(named)
+                document, named = {**document, **sections}, sections["patient"]
             if named is not None:
                 document, plain = {**document, key: None}, named  # nothing of the former value remains
         if (file := named_file(key, plain)) is not None:
