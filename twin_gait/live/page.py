@@ -25,6 +25,7 @@ from twin_gait.live import protocol
 from twin_gait.live.protocol import RateLimiter
 from twin_gait.live.session import LiveSession
 from twin_gait.live.telemetry import Block
+from twin_gait.measures.leg_record import phase_column
 from twin_gait.report.formatting import describe
 from twin_gait.runs.run_page import mode_names, scene_options
 from twin_gait.simulation.log import log_layout, state_columns
@@ -40,7 +41,6 @@ from twin_gait.viewer.motion import (
     has_muscles,
     leg_columns,
     leg_values,
-    phase_column,
 )
 from twin_gait.viewer.page import PageTexts, live_page, page_data
 from twin_gait.viewer.scene import build_scene

@@ -38,6 +38,12 @@ def moved_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
     )
 
 
+def phase_column(columns: Container[str], side: Side) -> str:
+    """Return the column of a leg's phases: of the device or, without a device, of the wearer's own gait."""
+    column = f"{side}_phase"
+    return column if column in columns else f"{side}_own_phase"
+
+
 class LogColumns(Protocol):
     """Columns of a log by name, one value a tick: a table or a mapping to arrays."""
 
@@ -56,7 +62,7 @@ def phase_indices(log: LogColumns, side: Side, phase_names: tuple[str, ...]) -> 
 
     The phases are those of the device or, for a leg without a device, those of the wearer's own gait.
     """
-    phases = log[f"{side}_phase" if f"{side}_phase" in log else f"{side}_own_phase"]
+    phases = log[phase_column(log, side)]
     if isinstance(phases, np.ndarray):  # an engine writes indices
         return phases.astype(int)
     return np.asarray(pd.Categorical(phases, dtype=_phase_type(phase_names)).codes, dtype=int)

@@ -296,11 +296,12 @@ def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, fl
 def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     """Compute the mean powers of voluntary effort, passive joint moments, pushes and own gait on a leg.
 
-    Each power is the sum over the moved joints of torque times joint velocity; that of the own gait is left
-    out if the log has none. The velocity is that of the
-    wearer's joint for effort and passive moments, and that of the device's joint for pushes, which act on the
-    device. A torque without a column is zero. ``bounds``: strides, shape ``(n_strides, 2)``. Returns means
-    over the strides in [W] by their names in a summary, positive if they drive the leg; NaN without strides.
+    Each power is the sum over the moved joints of torque times joint velocity. Pushes act on the device and
+    take the velocity of its joint; all other torques take that of the wearer's joint. A torque without a
+    column is zero, and the power of the own gait is left out if the log has no such torque.
+
+    ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W] by their names in a
+    summary, positive if they drive the leg; NaN without strides.
     """
     found = {}
     own = [f"{leg.side}_{joint}_{OWN_GAIT}_torque_Nm" for joint in leg.angles]

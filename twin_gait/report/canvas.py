@@ -279,10 +279,10 @@ class RunFigure:
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
         """Yield a titled panel for each joint (row) and leg (column), labelled at the first one of its row.
 
-        A leg has no panel for a joint that neither a drive nor the wearer's own gait moves, and no column
-        without a panel. ``key``: key of
-        the label of the vertical axes, with braces for the joint; ``timed``: whether the phases over time are
-        in the background; ``driven``: whether only joints with a drive have a panel.
+        Only joints that a drive or the wearer's own gait moves have a panel, and only legs with such a joint
+        have a column. ``key``: key of the label of the vertical axes, with braces for the joint; ``timed``:
+        whether the phases over time are in the background; ``driven``: whether only joints with a drive have
+        a panel.
         """
         legs = [(record, record.driven if driven else (*record.angles,)) for record in self.records]
         legs = [(record, of_leg) for record, of_leg in legs if of_leg]

@@ -24,9 +24,8 @@ def step_error(run: Run, **watch: Unpack[WorkCallbacks]) -> dict[str, Any]:
     before the first such shift, which is due to the integrator alone.
 
     Returns the steps of both runs, the largest difference of the angle of any joint that a drive or the own
-    gait moves, and the time from
-    which the phases differ, or None; ``steps`` has these values and the computing time for the step of the
-    run and all of :data:`STEPS` that are coarser than the reference.
+    gait moves, and the time from which the phases differ, or None; ``steps`` has these values and the
+    computing time for the step of the run and all of :data:`STEPS` that are coarser than the reference.
     """
     step = run.experiment.resolved_integration.step
     reference = _at(run, step / REFINEMENT, **watch)

@@ -15,7 +15,7 @@ import pandas as pd
 from twin_gait.control.safety import SafetyState
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.measures.leg_record import moved_joints
+from twin_gait.measures.leg_record import moved_joints, phase_column
 from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.commands import SceneState
@@ -141,11 +141,6 @@ def _rows_to_show(times: np.ndarray, frames_per_second: float, frame_times: np.n
 def _spells(log: pd.DataFrame, times: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
     phases = log[phase_column(log.columns, side)].astype(str).mask(held_rows(log), HOLD)
     return _changes(phases.map(names.index).to_numpy(dtype=int), times)
-
-
-def phase_column(columns: Container[str], side: Side) -> str:
-    """Return the column of the phases of a leg: those of the device, or else those of the own gait."""
-    return f"{side}_phase" if f"{side}_phase" in columns else f"{side}_own_phase"
 
 
 def _changes(codes: np.ndarray, times: np.ndarray) -> PhaseSpells:

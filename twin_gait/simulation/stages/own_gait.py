@@ -42,22 +42,26 @@ def perceive_leg(e: Episode, number: int, tick: int) -> None:
 def change_phase(e: Episode, number: int, tick: int) -> None:
     """Enter the next phase of a leg if one of the exits of its phase is due."""
     own = e.own_gait
-    leg, other_phase, other = own.legs[number], -1, (PER_JOINT * len(own.joints)) // len(own.legs) + PER_LEG
+    leg = own.legs[number]
+    joints_per_leg = len(own.joints) // len(own.legs)
+    # Signals of this leg, then those of the other leg, then those of the whole body.
+    signals_per_leg = PER_JOINT * joints_per_leg + PER_LEG
+    body = 2 * signals_per_leg
+    other_phase = -1
     _write_leg(e, number, 0)
     if len(own.legs) == 2:
-        _write_leg(e, 1 - number, other)
+        _write_leg(e, 1 - number, signals_per_leg)
         other_phase = own.legs[1 - number].start_phase
-    own.signals[2 * other + TRUNK_PITCH] = trunk_pitch(e)
-    own.signals[2 * other + WALK] = e.controller.device_signals.walk
-    own.signals[2 * other + STEP] = e.controller.device_signals.step
+    own.signals[body + TRUNK_PITCH] = trunk_pitch(e)
+    own.signals[body + WALK] = e.controller.device_signals.walk
+    own.signals[body + STEP] = e.controller.device_signals.step
     chosen = next_transition(own.program, leg.start_phase, leg.ticks, own.signals, other_phase, leg.debounce)
     if chosen != NO_TRANSITION:
         leg.phase = own.program.transitions[chosen].target
         leg.entry_tick = tick
         for index in range(len(leg.debounce)):
             leg.debounce[index] = 0
-        count = len(own.joints) // len(own.legs)
-        for index in range(number * count, (number + 1) * count):
+        for index in range(number * joints_per_leg, (number + 1) * joints_per_leg):
             copy_setpoint(own.joints[index].blended, own.joints[index].blend_start)
 
 
