@@ -21,7 +21,6 @@ from twin_gait.files import private_files
 from twin_gait.runs.folders import staged_directory
 
 if TYPE_CHECKING:
-    from twin_gait.configuration.experiments import LoadedExperiment
     from twin_gait.live.session import LiveSession
 
 
@@ -68,7 +67,6 @@ def simulate(arguments: argparse.Namespace) -> int:
     if arguments.faults:
         arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
     loaded = options.load_experiment(arguments)
-    note_inherited(loaded)
     out = arguments.out or default_folder(loaded.experiment.name)
     with (
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
@@ -99,21 +97,6 @@ def simulate(arguments: argparse.Namespace) -> int:
     if result.status is RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
-
-
-def note_inherited(loaded: LoadedExperiment) -> None:
-    """Print the inherited values of device components that the user changed only in part, on one line."""
-    from twin_gait.configuration.inheritance import inherited_values
-
-    found = inherited_values(loaded.document, loaded.user_values)
-    parts = (
-        f"{section}: {', '.join(f'{key} {value:g}' for key, value in values.items())}"
-        for section, values in found.items()
-    )
-    if found:
-        way_out = "set them as well if those of your device differ"
-        inherited = f"device: inherited values next to those that you set: {'; '.join(parts)}"
-        print(f"{inherited}; {way_out}", file=sys.stderr)
 
 
 def default_folder(name: str) -> Path:

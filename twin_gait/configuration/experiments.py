@@ -4,7 +4,7 @@ Values for both sides of a wearer are under ``both``; ``left`` and ``right`` ove
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -56,8 +56,6 @@ class LoadedExperiment:
 
     experiment: Experiment  # the experiment
     document: dict[str, Any]  # mapping with all values resolved, units as typed
-    # Values that the user specified, in a file of their own and in settings, without those of a preset.
-    user_values: dict[str, Any] = field(default_factory=dict)
 
 
 def experiment_from_mapping(
@@ -291,12 +289,11 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     preset or file, or if an assignment cannot be read.
     """
     path, where = _find(source)
-    written, assignments = read_yaml(path), validation.parse_assignments(settings)
+    assignments = validation.parse_assignments(settings)
     device, others = None, [item for item in assignments if item[0] != ["device"]]
     for _, value in (item for item in assignments if item[0] == ["device"]):
         device = _named_device(value, Path.cwd() / "settings", f"{where} with --set")
-    data, changes = _resolved(written, path, device), []
-    given: dict[str, Any] = {} if where == f"preset {source}" else written
+    data, changes = _resolved(read_yaml(path), path, device), []
     where = f"{where} with --set" if settings else where
     for keys, value in others:
         key = str(keys[0])
@@ -319,10 +316,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     document = _complete_document(data, where, path.parent)
     for keys, value in changes:
         document = validation.assign(document, keys, value)
-        # Otherwise the key is inside a list, which is given as a whole.
-        if all(isinstance(key, str) for key in keys):
-            given = validation.assign(given, keys, value)
-    return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document, given)
+    return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
 
 
 def with_controller(loaded: LoadedExperiment, controller: Controller) -> LoadedExperiment:
