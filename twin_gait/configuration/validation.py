@@ -17,7 +17,6 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import PydanticCustomError
 
 from twin_gait import yaml12
-from twin_gait.configuration.renamed_keys import present_name
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
@@ -180,9 +179,6 @@ class Strict(BaseModel):
         for name in data:
             if name not in quantities:
                 known = [info.alias or name for name, info in cls.model_fields.items()]
-                if present := present_name(str(name), known):
-                    problem = f"was renamed to {present} in schema version 2; use the new name"
-                    raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
                 near = " or ".join(repr(str(key)) for key in _nearest(str(name), known, cls))
                 hint = f"did you mean {near}? " if near else ""
                 problem = f"unknown key; {hint}allowed: {', '.join(known)}"
