@@ -12,7 +12,7 @@ mappings with the same keys is quoted as
     ...
     <!-- / -->
 
-``<!-- columns ENERGY+MONITOR -->`` is a table of columns that ``twin_gait.simulation.log`` declares,
+``<!-- columns energy+monitor -->`` is a table of columns that ``twin_gait/simulation/log.yaml`` declares,
 ``<!-- names treadmill,interface=brace+overground -->`` a list of the full names of the columns in the logs of
 some experiments,
 ``<!-- labels duration_s+wall_s -->`` a table of the labels of keys of a summary,
@@ -85,7 +85,7 @@ def format_markdown_table(rows: list[dict[str, Any]]) -> str:
 
 
 def columns(kinds: str) -> list[dict[str, Any]]:
-    """Return the columns of the log in some declared groups, such as ``ENERGY+MONITOR``."""
+    """Return the columns of the log in some declared groups, such as ``energy+monitor``."""
     from twin_gait.labels import label_of
     from twin_gait.simulation import log
 
@@ -98,7 +98,7 @@ def columns(kinds: str) -> list[dict[str, Any]]:
             "meaning": meaning,
         }
         for kind in kinds.split("+")
-        for name, (_, meaning) in getattr(log, kind).columns.items()
+        for name, (_, meaning) in log.GROUPS[kind].columns.items()
     ]
 
 

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 NO_UNIT = "1"
 # Units as text, by their spelling in keys, which joins them by ``_per_``.
@@ -123,5 +123,5 @@ def _around(location: list[str], sections: list[str]) -> list[str]:
 
 @cache
 def _declared() -> dict[str, dict[str, str]]:
-    rows = load_yaml(Path(__file__).with_name("labels.yaml").read_text(encoding="utf-8"))
+    rows = load_data(Path(__file__).with_name("labels.yaml"))
     return {key: {"name": row} if isinstance(row, str) else row for key, row in rows.items()}

@@ -5,6 +5,7 @@ schema are constructed. Reference: https://yaml.org/spec/1.2.2/#103-core-schema
 """
 
 import re
+from pathlib import Path
 from typing import Any, ClassVar
 
 import yaml
@@ -100,6 +101,11 @@ Dumper.add_representer(str, _represent_text)
 def load_yaml(text: str) -> Any:
     """Return the value of a YAML document; raise yaml.YAMLError if it is not valid."""
     return yaml.load(text, Loader=Loader)  # a SafeLoader subclass
+
+
+def load_data(path: Path) -> Any:
+    """Return the value of a YAML file of this package."""
+    return load_yaml(path.read_text(encoding="utf-8"))
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:

@@ -9,10 +9,9 @@ import pytest
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.simulation import log as log_columns
 from twin_gait.simulation.log import (
+    GROUPS,
     WORK_SOURCES,
-    ColumnGroup,
     LogArrays,
     log_layout,
     meaning_of,
@@ -46,9 +45,6 @@ SUFFIXES = {
 }
 
 
-KINDS = [kind for kind in vars(log_columns).values() if isinstance(kind, ColumnGroup)]
-
-
 def test_every_column_of_every_layout_has_a_unit_and_a_meaning_that_match_its_name() -> None:
     for layout in LAYOUTS:
         declared = [
@@ -64,8 +60,8 @@ def test_every_column_of_every_layout_has_a_unit_and_a_meaning_that_match_its_na
 
 def test_a_column_is_declared_with_one_unit_and_one_meaning() -> None:
     known: dict[str, str] = {}
-    assert len(KINDS) == 23
-    for kind in KINDS:
+    assert len(GROUPS) == 23
+    for kind in GROUPS.values():
         for name, (_, meaning) in kind.columns.items():
             assert known.setdefault(name, meaning) == meaning
             unit = unit_of(f"left_{name}" if name == "phase" else name)

@@ -25,7 +25,7 @@ from twin_gait.simulation.settings import MODES, Settings, first_settings, repla
 from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FaultKind
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
@@ -36,7 +36,7 @@ SATURATING_DEFLECTION = 4.0 * _DEGREE  # [rad]
 SATURATING_VELOCITY = 0.5  # [rad/s]
 HEADROOM = 1.5  # a range extends at least to this multiple of the largest value of the table
 TORQUE_STEP = 0.05  # [N·m], step of the thesis's monitor
-_SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
+_SHOWN = load_data(Path(__file__).with_name("panel.yaml"))
 
 
 def action_values(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:

@@ -44,7 +44,7 @@ from twin_gait.studies.jobs import WorkCallbacks, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Walking
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 
 def run_episodes(
@@ -136,7 +136,7 @@ SUMMARY_LOG_COLUMNS = (
     "_work_J", *WALK_COLUMNS,
 )  # fmt: skip
 
-_COLUMNS = load_yaml(Path(__file__).with_name("summary_columns.yaml").read_text(encoding="utf-8"))
+_COLUMNS = load_data(Path(__file__).with_name("summary_columns.yaml"))
 _RUN, _SIDE, _JOINT = _COLUMNS["run"], _COLUMNS["leg"], _COLUMNS["joint"]
 _TYPES = dict(_RUN)
 for _side in Side:

@@ -161,9 +161,9 @@ def sources_hash() -> str:
     """
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(
-        [*root.glob("**/*.py"), *root.glob("configuration/patients/*.yaml"), *root.glob("studies/**/*.yaml")]
-    ):
+    data = ("configuration/patients", "simulation", "studies")
+    sources = [*root.glob("**/*.py"), *(path for name in data for path in root.glob(f"{name}/**/*.yaml"))]
+    for path in sorted(sources):
         relative = path.relative_to(root)
         if relative.parts[0] not in DISPLAY_MODULES:
             digest.update(f"{relative.as_posix()}\0".encode() + path.read_bytes())

@@ -22,7 +22,7 @@ from twin_gait.viewer.commands import (
     set_transform,
 )
 from twin_gait.viewer.shapes import Shape
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 if TYPE_CHECKING:
     from twin_gait.viewer.motion import Element, Motion
@@ -36,7 +36,7 @@ CHAIR = f"{ROOT}/chair"
 METRES = f"{ROOT}/metres"
 SEAT = "seat_forward_m"  # log column with the position of the front edge of a chair
 BELT_MARK_SPACING = 0.20  # [m]
-_DRAWN = load_yaml(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+_DRAWN = load_data(Path(__file__).with_suffix(".yaml"))
 MATERIALS = {name: Material(**look) for name, look in _DRAWN["materials"].items()}
 _EDGE = 0.006  # [m]
 _BELT = _DRAWN["places"]["treadmill"]["belt_surface"]["boxes"][0]

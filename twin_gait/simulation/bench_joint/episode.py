@@ -4,6 +4,7 @@ Quantities of motor and rotor are those at the joint, on the output of the gear.
 """
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from twin_gait.control.joint_board import Command, JointSetpoint
 from twin_gait.core.actuator import Motor
@@ -15,6 +16,7 @@ from twin_gait.simulation.episode import COMPLETED, Recording
 from twin_gait.simulation.log import ColumnGroup, LogLayout
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import BenchJoint, CatalogueEfficiency, InertialUnit, Torsion
+from twin_gait.yaml12 import load_data
 
 # Drive of the winding.
 OPEN, IDEAL, PI, DUTY = range(4)
@@ -22,41 +24,7 @@ OPEN, IDEAL, PI, DUTY = range(4)
 ENCODER, GYROSCOPE, ACCELEROMETER = range(3)
 
 
-# Columns of the thesis's log files, followed by quantities that no bench can measure.
-BENCH = ColumnGroup(
-    "encoder, winding, torques, setpoint, command = e.encoder, e.winding, e.torques, e.setpoint, e.command",
-    time_s=("e.time", "time since the start"),
-    position_rad=("encoder.angle", "encoder angle"),
-    target_position_rad=("setpoint.equilibrium", "angle of the path, or equilibrium angle of the impedance"),
-    measured_current_A=("winding.sample", "current sample that the current loop uses"),
-    target_current_A=("winding.target_current", "current setpoint, or expected current of a duty"),
-    bus_voltage_V=("e.bus_voltage", "voltage of the supply of the drive"),
-    target_torque_Nm=(
-        "setpoint.target",
-        "torque added to the command, with that for the path's acceleration",
-    ),
-    velocity_rad_per_s=("(encoder.angle - encoder.last_angle) / TICK", "change of encoder angle per tick"),
-    duty=("winding.duty", "share of the bus voltage on the winding"),
-    motor_angle_rad=("e.rotor.angle", "true angle of the rotor at the joint"),
-    motor_velocity_rad_per_s=("e.rotor.velocity", "true velocity of the rotor at the joint"),
-    motor_acceleration_rad_per_s2=("e.rotor.acceleration", "true acceleration of the rotor at the joint"),
-    link_angle_rad=("e.link.angle", "true angle of the link"),
-    link_velocity_rad_per_s=("e.link.velocity", "true velocity of the link"),
-    velocity_fast_rad_per_s=("encoder.velocity_fast", "fast velocity, a first-order estimate"),
-    velocity_slow_rad_per_s=("encoder.velocity_slow", "slow velocity, a decimated and averaged estimate"),
-    current_A=("winding.current", "true current of the winding"),
-    voltage_V=("winding.voltage", "voltage on the winding"),
-    impedance_torque_Nm=("command.impedance", "torque of virtual spring and damper"),
-    friction_compensation_torque_Nm=("command.friction", "G times the friction of the model"),
-    inertia_compensation_torque_Nm=("setpoint.inertia", "compensated share of the inertia torque"),
-    motor_command_torque_Nm=("command.torque", "sum of the four torques, before limits"),
-    motor_torque_Nm=("torques.motor", "torque of the current, before the losses of the gear"),
-    friction_torque_Nm=("torques.friction", "friction of motor and gear on the rotor"),
-    gear_loss_torque_Nm=("torques.gear_loss", "loss of the gear under load, on the rotor"),
-    load_torque_Nm=("torques.load", "torque of gravity on the link"),
-    stop_torque_Nm=("torques.stop", "torque of the mechanical stops on the link"),
-    imposed_motion_torque_Nm=("e.imposed_motion.torque", "torque of the hand that leads the link"),
-)
+BENCH = ColumnGroup(**load_data(Path(__file__).with_name("log.yaml")))
 LAYOUT = LogLayout((("", 0, BENCH),))
 # Columns of the thesis's log files, in the order of the files.
 LOG_COLUMNS = LAYOUT.names[:9]

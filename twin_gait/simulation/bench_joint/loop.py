@@ -98,7 +98,8 @@ def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Lo
         }
         return compile_loop(run_ticks_at, {**names, "episode_at": record_accessor(episode)})
 
-    return cached_loop(source_key(f"bench {text_of(episode)} {other_laws} {TICK}"), make, on_compile)
+    key = f"bench {text_of(episode)} {record.LAYOUT.writer} {other_laws} {TICK}"
+    return cached_loop(source_key(key), make, on_compile)
 
 
 def bench_loop_names(other_laws: bool) -> dict[str, Any]:

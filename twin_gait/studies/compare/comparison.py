@@ -20,7 +20,7 @@ from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.worlds.world import BELT_SPEED
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 # Largest relative deviations of a day from the nominal one, in either direction, uniformly distributed
 # (assumptions): clothes and luggage, warm or cold gears, a belt speed that differs from its display,
@@ -61,7 +61,7 @@ class ComparedController:
         return replace(experiment, control=control, controller=None)
 
 
-_ROWS = load_yaml(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
+_ROWS = load_data(Path(__file__).with_name("controllers.yaml"))
 CONTROLLERS = {name: ComparedController(name=name, **row) for name, row in _ROWS.items()}
 
 

@@ -17,7 +17,7 @@ from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import software_versions
 from twin_gait.studies.compare.comparison import Comparison, Interval
 from twin_gait.vocabulary import JointName, Outcome
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
@@ -38,8 +38,7 @@ class MeasureFormat(NamedTuple):
 def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, MeasureFormat]]:
     """Return the measures that a report on these joints shows, by group and name."""
     others = set(JointName) - set(joints)
-    text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
-    groups = load_yaml(text)
+    groups = load_data(Path(__file__).with_name("measures.yaml"))
     return {
         group: {
             name: MeasureFormat(label_of(name).title, factor=label_of(name).factor, **row)

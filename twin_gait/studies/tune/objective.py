@@ -26,7 +26,7 @@ from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
@@ -50,7 +50,7 @@ class ObjectiveTerm:
 
 
 SAMPLE_SPACING = 5  # [%] of a stride; distance between the sampled deviations
-_ROWS = load_yaml(Path(__file__).with_name("objective.yaml").read_text(encoding="utf-8"))
+_ROWS = load_data(Path(__file__).with_name("objective.yaml"))
 ERRORS = {
     JointName(joint): ObjectiveTerm(f"{joint}_error_deg", excess=ERROR_EXCESS_WEIGHT, **row)
     for joint, row in _ROWS["errors"].items()

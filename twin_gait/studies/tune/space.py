@@ -21,10 +21,10 @@ from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import ANGLE, find_signal
 from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 _DEGREES_PER_RADIAN = 180.0 / math.pi
-_BOUNDS = load_yaml(Path(__file__).with_name("bounds.yaml").read_text(encoding="utf-8"))
+_BOUNDS = load_data(Path(__file__).with_name("bounds.yaml"))
 _BOUNDS["friction_compensation_gain"] |= {"lower": GAIN_RANGE.low, "upper": GAIN_RANGE.high}
 _BOUNDS["ankle_stiffness_Nm_per_deg"]["upper"] = STIFFNESS_RANGES[JointName.ANKLE].high
 

@@ -22,7 +22,7 @@ from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.studies.tune.objective import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
-from twin_gait.yaml12 import load_yaml
+from twin_gait.yaml12 import load_data
 
 # Rules of the check that can find an error and take less time than a walk; all others check the final table.
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *stuck_phases.RULES, stability.unstable)
@@ -32,7 +32,7 @@ LOG_COLUMNS = (
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # weight of the nominal case in the cost of a candidate; the other cases share the rest
-_CASES = load_yaml(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
+_CASES = load_data(Path(__file__).with_name("cases.yaml"))
 
 
 def table_from_document(document: Mapping[str, Any]) -> GaitTable:
