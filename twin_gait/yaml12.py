@@ -103,9 +103,16 @@ def load_yaml(text: str) -> Any:
     return yaml.load(text, Loader=Loader)  # a SafeLoader subclass
 
 
+class _DataLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Loader that parses in C if libyaml is there; its messages are less exact."""
+
+    yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
+    yaml_constructors = Loader.yaml_constructors
+
+
 def load_data(path: Path) -> Any:
     """Return the value of a YAML file of this package."""
-    return load_yaml(path.read_text(encoding="utf-8"))
+    return yaml.load(path.read_text(encoding="utf-8"), Loader=_DataLoader)
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:

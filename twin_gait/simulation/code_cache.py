@@ -153,11 +153,11 @@ def _content() -> bytes:
 
 
 def source_files() -> list[Path]:
-    """Return the files of all modules in :data:`SOURCES`."""
+    """Return the files of all modules in :data:`SOURCES`, with the declarations beside a module."""
     home, found = Path(__file__).parent, []
     for name in SOURCES:
-        path = home / f"{name}.py"  # first, because an older version may have left a folder of this name
-        found += [path] if path.is_file() else sorted((home / name).rglob("*.py"))
+        module = [path for end in ("py", "yaml") if (path := home / f"{name}.{end}").is_file()]
+        found += module or sorted((home / name).rglob("*.py"))
     return found
 
 
