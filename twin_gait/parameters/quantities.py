@@ -47,10 +47,10 @@ class QuantityUnits:
         plausible_range: Plausible range of the quantity, for the limits that a field does not set.
     """
 
-    def __init__(self, si: str, general: "Range | None" = None, **others: float) -> None:
-        """Store the SI unit, the plausible range in this unit, and other units with their values in SI."""
+    def __init__(self, si: str, most: float | None = None, reason: str = "", **others: float) -> None:
+        """Store the SI unit, the largest plausible magnitude with its reason, and other units in SI."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
-        self.plausible_range = general
+        self.plausible_range = None if most is None else symmetric_range(most, reason)
         EXCHANGEABLE.update(end for end in self.factors if others and end)
 
 
@@ -111,93 +111,50 @@ class CustomSerialized:
 
 # Quantities with their units in files, and the largest magnitude that is plausible for a device, a wearer and
 # their surroundings, with the reason. A field may narrow the range.
-Angle = Annotated[float, QuantityUnits("rad", symmetric_range(math.pi, "half a turn"), deg=DEGREE)]
+Angle = Annotated[float, QuantityUnits("rad", math.pi, "half a turn", deg=DEGREE)]
 AngularVelocity = Annotated[
-    float, QuantityUnits("rad_per_s", symmetric_range(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
+    float, QuantityUnits("rad_per_s", 50.0, "ten times the no-load speed", deg_per_s=DEGREE)
 ]
-Acceleration = Annotated[float, QuantityUnits("m_per_s2", symmetric_range(30.0, "three times gravity"))]
-AngularAcceleration = Annotated[
-    float, QuantityUnits("rad_per_s2", symmetric_range(1e3, "100 N·m on a foot of 0.1 kg·m²"))
-]
-BitRate = Annotated[
-    float, QuantityUnits("bit_per_s", symmetric_range(1e6, "the largest rate of CAN 2.0"), kbit_per_s=1e3)
-]
-Current = Annotated[
-    float, QuantityUnits("A", symmetric_range(100.0, "above the stall current of the motors, 70 A at 24 V"))
-]
-Drift = Annotated[
-    float, QuantityUnits("", symmetric_range(0.01, "100 times the drift of a poor oscillator"), ppm=1e-6)
-]
-Energy = Annotated[float, QuantityUnits("J", symmetric_range(1e7, "2.8 kWh, 15 kg of lithium cells"))]
-Force = Annotated[
-    float, QuantityUnits("N", symmetric_range(5e3, "four times the weight of wearer and device"))
-]
-Frequency = Annotated[
-    float, QuantityUnits("Hz", symmetric_range(1e5, "the fastest inverters of such drives"))
-]
-HertzStiffness = Annotated[
-    float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel compressed by 1 mm under 316 N"))
-]
-Inductance = Annotated[
-    float, QuantityUnits("H", symmetric_range(0.1, "a hundred times the inductance of the motors"))
-]
-Inertia = Annotated[float, QuantityUnits("kgm2", symmetric_range(10.0, "a straight leg about its hip has 6"))]
-Length = Annotated[float, QuantityUnits("m", symmetric_range(3.0, "more than a person with raised arms"))]
-LinearDamping = Annotated[
-    float, QuantityUnits("Ns_per_m", symmetric_range(9e4, "critical damping of 200 kg on 1e7 N/m"))
-]
-LinearDissipation = Annotated[
-    float, QuantityUnits("s_per_m", symmetric_range(100.0, "a force that doubles at 1 cm/s"))
-]
-LinearStiffness = Annotated[
-    float, QuantityUnits("N_per_m", symmetric_range(1e7, "a deflection of 0.1 mm under 1000 N"))
-]
-Mass = Annotated[
-    float, QuantityUnits("kg", symmetric_range(200.0, "the heaviest wearer with device and load"))
-]
-PerAngle = Annotated[
-    float, QuantityUnits("per_rad", symmetric_range(100.0, "the whole effect within 0.6 deg"))
-]
-PerAngularVelocity = Annotated[
-    float, QuantityUnits("s_per_rad", symmetric_range(1e3, "the whole effect within 1 mrad/s"))
-]
-Power = Annotated[float, QuantityUnits("W", symmetric_range(5e3, "ten times the power of the battery"))]
-Ratio = Annotated[float, QuantityUnits("", symmetric_range(1e3, "three orders of magnitude"))]
-Resistance = Annotated[
-    float, QuantityUnits("Ohm", symmetric_range(100.0, "0.3 A at the voltage of the battery"))
-]
+Acceleration = Annotated[float, QuantityUnits("m_per_s2", 30.0, "three times gravity")]
+AngularAcceleration = Annotated[float, QuantityUnits("rad_per_s2", 1e3, "100 N·m on a foot of 0.1 kg·m²")]
+BitRate = Annotated[float, QuantityUnits("bit_per_s", 1e6, "the largest rate of CAN 2.0", kbit_per_s=1e3)]
+Current = Annotated[float, QuantityUnits("A", 100.0, "above the stall current of the motors, 70 A at 24 V")]
+Drift = Annotated[float, QuantityUnits("", 0.01, "100 times the drift of a poor oscillator", ppm=1e-6)]
+Energy = Annotated[float, QuantityUnits("J", 1e7, "2.8 kWh, 15 kg of lithium cells")]
+Force = Annotated[float, QuantityUnits("N", 5e3, "four times the weight of wearer and device")]
+Frequency = Annotated[float, QuantityUnits("Hz", 1e5, "the fastest inverters of such drives")]
+HertzStiffness = Annotated[float, QuantityUnits("N_per_m1p5", 1e7, "a heel compressed by 1 mm under 316 N")]
+Inductance = Annotated[float, QuantityUnits("H", 0.1, "a hundred times the inductance of the motors")]
+Inertia = Annotated[float, QuantityUnits("kgm2", 10.0, "a straight leg about its hip has 6")]
+Length = Annotated[float, QuantityUnits("m", 3.0, "more than a person with raised arms")]
+LinearDamping = Annotated[float, QuantityUnits("Ns_per_m", 9e4, "critical damping of 200 kg on 1e7 N/m")]
+LinearDissipation = Annotated[float, QuantityUnits("s_per_m", 100.0, "a force that doubles at 1 cm/s")]
+LinearStiffness = Annotated[float, QuantityUnits("N_per_m", 1e7, "a deflection of 0.1 mm under 1000 N")]
+Mass = Annotated[float, QuantityUnits("kg", 200.0, "the heaviest wearer with device and load")]
+PerAngle = Annotated[float, QuantityUnits("per_rad", 100.0, "the whole effect within 0.6 deg")]
+PerAngularVelocity = Annotated[float, QuantityUnits("s_per_rad", 1e3, "the whole effect within 1 mrad/s")]
+Power = Annotated[float, QuantityUnits("W", 5e3, "ten times the power of the battery")]
+Ratio = Annotated[float, QuantityUnits("", 1e3, "three orders of magnitude")]
+Resistance = Annotated[float, QuantityUnits("Ohm", 100.0, "0.3 A at the voltage of the battery")]
 # Damping coefficient of a rotation.
 RotaryDamping = Annotated[
     float,
     QuantityUnits(
-        "Nms_per_rad",
-        symmetric_range(1e4, "ten times critical damping on the gear's spring"),
-        Nms_per_deg=1.0 / DEGREE,
+        "Nms_per_rad", 1e4, "ten times critical damping on the gear's spring", Nms_per_deg=1.0 / DEGREE
     ),
 ]
-RotaryDissipation = Annotated[
-    float, QuantityUnits("s_per_rad", symmetric_range(100.0, "a torque that doubles at 10 mrad/s"))
-]
+RotaryDissipation = Annotated[float, QuantityUnits("s_per_rad", 100.0, "a torque that doubles at 10 mrad/s")]
 RotaryStiffness = Annotated[
-    float,
-    QuantityUnits(
-        "Nm_per_rad", symmetric_range(1e6, "a deflection of 0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE
-    ),
+    float, QuantityUnits("Nm_per_rad", 1e6, "a deflection of 0.1 mrad under 100 N·m", Nm_per_deg=1.0 / DEGREE)
 ]
-Speed = Annotated[
-    float, QuantityUnits("m_per_s", symmetric_range(10.0, "faster than people run"), km_per_h=KM_PER_H)
-]
-Time = Annotated[float, QuantityUnits("s", symmetric_range(3600.0, "the longest run"), ms=1e-3)]
-ShortTime = Annotated[
-    float, QuantityUnits("s", symmetric_range(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)
-]
-Torque = Annotated[float, QuantityUnits("Nm", symmetric_range(1e3, "ten times the limit of the gear"))]
+Speed = Annotated[float, QuantityUnits("m_per_s", 10.0, "faster than people run", km_per_h=KM_PER_H)]
+Time = Annotated[float, QuantityUnits("s", 3600.0, "the longest run", ms=1e-3)]
+ShortTime = Annotated[float, QuantityUnits("s", 0.1, "the longest cycle of the bus", ms=1e-3, us=1e-6)]
+Torque = Annotated[float, QuantityUnits("Nm", 1e3, "ten times the limit of the gear")]
 TorqueConstant = Annotated[
-    float, QuantityUnits("Nm_per_A", symmetric_range(10.0, "a hundred times the constant of the motors"))
+    float, QuantityUnits("Nm_per_A", 10.0, "a hundred times the constant of the motors")
 ]
-Voltage = Annotated[
-    float, QuantityUnits("V", symmetric_range(120.0, "the limit of extra-low voltage, IEC 61140"))
-]
+Voltage = Annotated[float, QuantityUnits("V", 120.0, "the limit of extra-low voltage, IEC 61140")]
 
 
 @dataclass(frozen=True, eq=False)

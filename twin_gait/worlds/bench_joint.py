@@ -33,10 +33,10 @@ RIPPLES = quantities.Range(0.0, 1.0, reason="a share of the current")
 DUTY_COUNTS = quantities.integer_range(0, 2**24, "the finest timers")
 POLE_PAIRS = quantities.integer_range(1, 100, "eight times the pole pairs of the motors")
 BENCH_STOPS = quantities.Range(-1e3, 1e3, reason="160 turns; no test turns farther")
-MOMENT = quantities.QuantityUnits("kgm", quantities.symmetric_range(100.0, "50 kg at 2 m"))
+MOMENT = quantities.QuantityUnits("kgm", 100.0, "50 kg at 2 m")
 CATALOGUE = quantities.Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
 
-_PER_KELVIN = quantities.symmetric_range(10.0, "a change by the whole friction of a joint in a kelvin")
+_PER_KELVIN = 10.0, "a change by the whole friction of a joint in a kelvin"
 
 
 class LoadAngle(StrEnum):
@@ -63,8 +63,8 @@ class BenchFriction(quantities.Parameters):
 
     law: FrictionLaw
     coulomb_per_load: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
-    coulomb_per_kelvin: Annotated[float, quantities.QuantityUnits("Nm_per_K", _PER_KELVIN)] = 0.0
-    viscous_per_kelvin: Annotated[float, quantities.QuantityUnits("Nms_per_rad_K", _PER_KELVIN)] = 0.0
+    coulomb_per_kelvin: Annotated[float, quantities.QuantityUnits("Nm_per_K", *_PER_KELVIN)] = 0.0
+    viscous_per_kelvin: Annotated[float, quantities.QuantityUnits("Nms_per_rad_K", *_PER_KELVIN)] = 0.0
     temperature: Annotated[float, quantities.QuantityUnits("degC"), TEMPERATURES] = 25.0
     ripple: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
 

@@ -33,7 +33,7 @@ class FaultKind(CodedEnum):
     @property
     def units(self) -> dict[str, float]:
         """Units in which a magnitude may be given, with their factors to SI; the SI unit is the first."""
-        return _MAGNITUDES.get(self, (0.0, {}))[1]
+        return _MAGNITUDES.get(self, _NO_MAGNITUDE)[2]
 
     def location(self, side: Side, joint: JointName) -> str:
         """Return the affected part in the notation: a joint of a leg, its foot, or nothing for the supply."""
@@ -45,31 +45,20 @@ class FaultKind(CodedEnum):
 LOSSES_OF_SUPPLY = FaultKind.SUPPLY_LOSS_SHORTED, FaultKind.SUPPLY_LOSS_OPEN
 SUPPLY_FAULTS = FaultKind.SUPPLY_DIP, *LOSSES_OF_SUPPLY  # faults without a joint or a foot
 
-# Default magnitude in SI units, and the units in which one may be given; a kind that is missing has no
-# magnitude.
-_MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
-    FaultKind.ENCODER_JUMP: (10.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
-    FaultKind.ENCODER_OFFSET: (5.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
-    FaultKind.ENCODER_DRIFT: (20.0 * DEGREE, {"rad/s": 1.0, "deg/s": DEGREE}),
-    FaultKind.MOTOR_STUCK: (30.0, {"Nm": 1.0}),
-    FaultKind.CONTROLLER_RUNAWAY: (200.0, {"Nm/s": 1.0}),
-    FaultKind.SUPPLY_DIP: (15.0, {"V": 1.0}),
-    FaultKind.SUPPLY_LOSS_SHORTED: (0.0, {"s": 1.0}),
-}
-
-
-# Largest magnitude in SI units, chosen like the ranges in :mod:`twin_gait.parameters.quantities`: half a
+# Default and largest magnitude in SI units, and the units in which one may be given; a kind that is missing
+# has no magnitude. The largest are chosen like the ranges in :mod:`twin_gait.parameters.quantities`: half a
 # turn, ten times the no-load speed, ten times the permissible torque of the gear, this torque within 10 ms,
 # extra-low voltage, a hundred times the inductive time of the motors.
-_LARGEST: dict[FaultKind, float] = {
-    FaultKind.ENCODER_JUMP: math.pi,
-    FaultKind.ENCODER_OFFSET: math.pi,
-    FaultKind.ENCODER_DRIFT: 50.0,
-    FaultKind.MOTOR_STUCK: 1e3,
-    FaultKind.CONTROLLER_RUNAWAY: 1e5,
-    FaultKind.SUPPLY_DIP: 120.0,
-    FaultKind.SUPPLY_LOSS_SHORTED: 100.0,
+_MAGNITUDES: dict[FaultKind, tuple[float, float, dict[str, float]]] = {
+    FaultKind.ENCODER_JUMP: (10.0 * DEGREE, math.pi, {"rad": 1.0, "deg": DEGREE}),
+    FaultKind.ENCODER_OFFSET: (5.0 * DEGREE, math.pi, {"rad": 1.0, "deg": DEGREE}),
+    FaultKind.ENCODER_DRIFT: (20.0 * DEGREE, 50.0, {"rad/s": 1.0, "deg/s": DEGREE}),
+    FaultKind.MOTOR_STUCK: (30.0, 1e3, {"Nm": 1.0}),
+    FaultKind.CONTROLLER_RUNAWAY: (200.0, 1e5, {"Nm/s": 1.0}),
+    FaultKind.SUPPLY_DIP: (15.0, 120.0, {"V": 1.0}),
+    FaultKind.SUPPLY_LOSS_SHORTED: (0.0, 100.0, {"s": 1.0}),
 }
+_NO_MAGNITUDE = 0.0, math.inf, dict[str, float]()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,13 +77,12 @@ class Fault:
         """Check that kind, place and magnitude fit together."""
         NOT_NEGATIVE.require("time", self.time)
         self._require_location("place", Side, JointName)
-        units = self.kind.units
+        _, most, units = _MAGNITUDES.get(self.kind, _NO_MAGNITUDE)
         if self.magnitude is not None:
-            fits = bool(units) and abs(self.magnitude) <= _LARGEST.get(self.kind, math.inf)
-            expected = "no magnitude"
+            fits, expected = bool(units) and abs(self.magnitude) <= most, "no magnitude"
             if units:
-                most = f"{_LARGEST[self.kind]:g} {next(iter(units))} at most, with either sign"
-                expected = f"a number in {' or '.join(units)}, {most}"
+                limit = f"{most:g} {next(iter(units))} at most, with either sign"
+                expected = f"a number in {' or '.join(units)}, {limit}"
             require(fits, f"magnitude of {self.kind}", expected, self.magnitude)
 
     @property
@@ -111,7 +99,8 @@ class Fault:
     @property
     def magnitude_or_default(self) -> float:
         """Magnitude in SI units; 0 for a kind without one."""
-        return _MAGNITUDES.get(self.kind, (0.0, {}))[0] if self.magnitude is None else self.magnitude
+        usual, *_ = _MAGNITUDES.get(self.kind, _NO_MAGNITUDE)
+        return usual if self.magnitude is None else self.magnitude
 
     def require_fit(
         self, sides: Collection[Side], joints: Collection[JointName], feet: bool, duration: float
