@@ -6,45 +6,16 @@ A record is stored next to each loop in the code cache, with the build flags and
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from statistics import median
 from typing import NamedTuple
+
+from twin_gait.yaml12 import load_data
 
 MOST_WORDS = 5  # Longest list of build flags in a message.
 _FLAG = re.compile(r"'([A-Z][A-Z0-9_]*)': (-?\d+|True|False|\([\d, ]*\))")
 _OFF = {"False", "0", "-1", "()"}
-_KINDS = {
-    "run_ticks_at": "the engine",
-    "in lanes": "the engine for many runs at once",
-    "run_plant_part": "the plant for a controller of your own",
-    "bench": "the joint bench",
-}
-# Build flags in words; any other flag is shown by its name.
-_WORDS = {
-    "WEARER_OFFSET": "braces",
-    "WITH_SUPERVISOR": "modes",
-    "WITH_NETWORK": "network",
-    "WITH_CENTRAL_IMPEDANCE": "impedance over the network",
-    "WITH_CONTROLLER": "control mode other than impedance",
-    "WITH_OTHER_FRICTION_LAWS": "LuGre or asymmetric friction",
-    "FRICTION_INDICES": "other joints with friction",
-    "WITH_ANKLES": "ankles",
-    "WITH_OWN_GAIT": "own gait of the wearer",
-    "N_CRUTCHES": "crutches",
-    "WITH_SEAT": "chair",
-    "WITH_FAULTS": "faults",
-    "WITH_DELAY": "delayed commands",
-    "WITH_SLOPE": "slope",
-    "WITH_INERTIA_COMPENSATION": "inertia compensation",
-    "WITH_RK4": "Runge-Kutta integration",
-    "PELVIS_INDEX": "moving pelvis",
-    "FORWARD_INDEX": "fore-aft motion",
-    "PITCH_INDEX": "free trunk",
-    "N_POINTS_PER_FOOT": "ground contact",
-}
-_COUNTS = {
-    ("N_LEGS", "1"): "one leg", ("N_LEGS", "2"): "two legs",
-    ("N_JOINTS_PER_LEG", "2"): "no powered ankle", ("N_JOINTS_PER_LEG", "3"): "powered ankle",
-}  # fmt: skip
+_WORDS = load_data(Path(__file__).with_suffix(".yaml"))
 
 
 class LoopVariant(NamedTuple):
@@ -116,7 +87,7 @@ def compile_text(
     else:
         reason = "first use on this machine"
     expected = f"; about {median(item.seconds for item in alike):.0f} s" if alike else ""
-    return f"compiling {_KINDS.get(pattern.kind, 'a loop')} ({reason}{expected})"
+    return f"compiling {_WORDS['kinds'].get(pattern.kind, 'a loop')} ({reason}{expected})"
 
 
 def _differing(pattern: LoopVariant, other: Compilation) -> list[str]:
@@ -135,7 +106,5 @@ def _value(flags: Mapping[str, str], name: str) -> str:
 
 
 def _flag_text(name: str, value: str) -> str:
-    if (name, value) in _COUNTS:
-        return _COUNTS[name, value]
-    word = _WORDS.get(name, name.lower().replace("_", " "))
-    return f"no {word}" if value in _OFF else word
+    word = _WORDS["flags"].get(name, name.lower().replace("_", " "))
+    return str(_WORDS["counts"].get(f"{name} {value}", f"no {word}" if value in _OFF else word))
