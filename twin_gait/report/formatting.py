@@ -82,20 +82,6 @@ def belt_carries_note(summary: Mapping[str, Any]) -> str:
     return f"The belt drives this walk: it drags the feet backwards against {force} at the pelvis."
 
 
-def describe_supply_loss(loss: Mapping[str, Any]) -> str:
-    """Return the descent after a loss of the supply in one line; ``loss``: part of the summary of a run."""
-
-    def descent(part: Mapping[str, Any]) -> str:
-        return f"{part['sinking_peak_m_per_s']:.2f} m/s within {part['lasted_s']:.1f} s"
-
-    lost, opened = (
-        f"supply lost at {loss['time_s']:g} s, windings {loss['windings']}",
-        loss["with_open_windings"],
-    )
-    line = f"{lost}: the pelvis sinks at up to {descent(loss)}"
-    return line if opened is None else f"{line}; with open windings at up to {descent(opened)}"
-
-
 def extrapolation_note(summary: Mapping[str, Any]) -> str:
     """Return sentences about the wearer if the model is extrapolated; otherwise an empty string.
 
