@@ -161,7 +161,7 @@ def sources_hash() -> str:
     """
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()
-    data = ("configuration/patients", "simulation", "studies")
+    data = ("configuration/patients", "network", "simulation", "studies")
     sources = [*root.glob("**/*.py"), *(path for name in data for path in root.glob(f"{name}/**/*.yaml"))]
     for path in sorted(sources):
         relative = path.relative_to(root)
