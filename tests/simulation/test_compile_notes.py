@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from twin_gait.simulation import code_cache
-from twin_gait.simulation.code_cache import CACHE_VARIABLE, CompiledLoop, cached_loop, source_key
+from twin_gait.simulation.code_cache import (
+    CACHE_VARIABLE,
+    CompiledLoop,
+    cached_loop,
+    source_files,
+    source_key,
+)
 from twin_gait.simulation.compile_notes import Compilation, compile_text, parse_variant, read_records
 
 WALK = (
@@ -118,3 +124,8 @@ def test_disabled_features_and_changed_sources_are_named() -> None:
 def test_an_invalid_cache_file_is_ignored(content: bytes | None) -> None:
     whole = Compilation("a", {}, "", 1.0)
     assert read_records([content, whole.to_json().encode()]) == [whole]
+
+
+def test_the_key_of_a_loop_reads_the_declared_messages() -> None:
+    names = {path.name for path in source_files()}
+    assert {"messages.py", "messages.yaml", "signals.py", "executors.py"} <= names
