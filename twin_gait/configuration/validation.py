@@ -18,7 +18,13 @@ from pydantic_core import PydanticCustomError
 
 from twin_gait import yaml12
 from twin_gait.configuration.renamed_keys import present_name
-from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.exceptions import (
+    MissingKeyError,
+    MissingParameterError,
+    ParameterError,
+    ParameterFileError,
+    TwinGaitError,
+)
 from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
 from twin_gait.vocabulary import JointName
@@ -313,11 +319,12 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: 
         # A misspelt key usually causes a missing key as well; the message about the spelling is more useful.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
         kind, problem, given = first["type"], first["msg"], short(first.get("input"))
-        location = _path_in_file(first["loc"], data)
+        location, raised = _path_in_file(first["loc"], data), first.get("ctx", {}).get("error")
+        if kind == "missing" or isinstance(raised, MissingParameterError):
+            key = first["loc"][-1] if raised is None else raised.key
+            raise MissingKeyError(source, _key_in_file([*location, key], prefix)) from error
         if kind == "unknown_key":
             location.append(first["ctx"]["key"])
-        elif kind == "missing":
-            location, problem = [*location, first["loc"][-1]], "is missing"
         elif kind in ("model_type", "model_attributes_type", "dict_type"):
             problem = f"expected keys and values, got {given}"
         elif kind == "value_error":
@@ -328,8 +335,12 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: 
         else:
             problem = problem.replace("valid tuple", "valid list")
             problem = f"{problem[:1].lower()}{problem[1:]}, got {given}"
-        where = _dotted([part if isinstance(part, int) else _short_name(part) for part in location])
-        raise ParameterFileError(source, f"{prefix}.{where}".strip("."), problem) from error
+        raise ParameterFileError(source, _key_in_file(location, prefix), problem) from error
+
+
+def _key_in_file(location: Sequence[Any], prefix: str) -> str:
+    where = _dotted([part if isinstance(part, int) else _short_name(part) for part in location])
+    return f"{prefix}.{where}".strip(".")
 
 
 def convert_with_context(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
@@ -338,6 +349,8 @@ def convert_with_context(source: str, key: str, convert: Callable[[], _Result]) 
         return convert()
     except ParameterFileError:
         raise
+    except MissingParameterError as error:
+        raise MissingKeyError(source, f"{key}.{error.key}".strip(".")) from error
     except TwinGaitError as error:
         raise ParameterFileError(source, key, str(error)) from error
 
