@@ -6,7 +6,7 @@ identifier, bit, step and range is an assumption. :mod:`twin_gait.network.layout
 and writes the DBC file.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 
@@ -28,13 +28,12 @@ _CAUSES = (
     "torque current winding_heat drive phase_timeout foot_load_frozen supply operator bus_timeout "
     "command_against_setpoint"
 ).split()
-# Phases of the shipped gait tables; a phase of another name is sent as ``other``.
-_PHASES = dict(
-    enumerate(
-        "early_stance middle_stance late_stance swing_flexion swing_extension pre_swing stand first_swing "
-        "closing_swing_flexion closing_swing_extension sit lean rise".split()
-    )
-) | {14: "hold", 15: "other"}
+# Phases with a code; a phase of another name is sent as ``other``.
+_PHASES = (
+    "early_stance middle_stance late_stance swing_flexion swing_extension pre_swing stand first_swing "
+    "closing_swing_flexion closing_swing_extension sit lean rise"
+).split()
+_OTHER_PHASES = {14: "hold", 15: "other"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,10 +135,11 @@ IMU = {
     "pitch": _number(0, 15, "rad", "0.0002", "Pitch of the trunk", signed=True),
     "pitch_rate": _number(15, 15, "rad/s", "0.001", "Angular rate of the pitch", signed=True),
 }
-# A device of one leg sends ``other`` for the leg that it does not have.
+# The names of the phases are those of :func:`phase_codes`. A device of one leg sends ``other`` for the leg
+# that it does not have.
 GAIT_STATE = {
     **{
-        f"{side}_phase": _named(4 * number, 4, _PHASES, f"Phase of the {side} leg")
+        f"{side}_phase": _named(4 * number, 4, {}, f"Phase of the {side} leg")
         for number, side in enumerate(Side)
     },
     "safety_state": _named(8, 1, {0: "watching", 1: "hold"}, "State of the safety monitor"),
@@ -208,10 +208,25 @@ def ordered_boards(boards: Collection[str]) -> list[str]:
     return [board for board in BOARDS if board in boards]
 
 
-def message_designs(boards: Collection[str]) -> dict[str, MessageDesign]:
+def phase_codes(phases: Sequence[str]) -> dict[int, str]:
+    """Return the phases of a leg by their codes in ``gait_state``.
+
+    A phase has the same code in every layout. Own phases of a gait table have the codes of phases that the
+    table lacks, in order, as far as there are any; the rest is sent as ``other``.
+    """
+    used = {code: name for code, name in enumerate(_PHASES) if name in phases}
+    own = [name for name in phases if name not in (*_PHASES, *_OTHER_PHASES.values())]
+    if not own:
+        used = dict(enumerate(_PHASES))
+    free = [code for code in range(min(_OTHER_PHASES)) if code not in used]
+    return dict(sorted((used | dict(zip(free, own, strict=False)) | _OTHER_PHASES).items()))
+
+
+def message_designs(boards: Collection[str], phases: Sequence[str] = ()) -> dict[str, MessageDesign]:
     """Return the messages of a device with some boards, by name, the lowest identifier first.
 
-    A board has the same number, and its messages the same identifiers, in every device.
+    A board has the same number, and its messages the same identifiers, in every device. ``phases``: phases of
+    the gait table, which get codes in ``gait_state``.
     """
     found: dict[str, MessageDesign] = {}
     for board in ordered_boards(boards):
@@ -222,5 +237,7 @@ def message_designs(boards: Collection[str]) -> dict[str, MessageDesign]:
                 sender=board if design.sender == BOARD else design.sender,
                 receivers=tuple(board if name == BOARD else name for name in design.receivers),
             )
-    found |= DEVICE_MESSAGES
+    codes, state = phase_codes(phases), DEVICE_MESSAGES["gait_state"]
+    named = {f"{side}_phase": replace(state.signals[f"{side}_phase"], names=codes) for side in Side}
+    found |= DEVICE_MESSAGES | {"gait_state": replace(state, signals=state.signals | named)}
     return dict(sorted(found.items(), key=lambda item: item[1].identifier))
