@@ -27,7 +27,7 @@ from twin_gait.exceptions import (
 )
 from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 
 # "friction_ratio" is a name and not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
@@ -188,6 +188,13 @@ class Strict(BaseModel):
                 known = [info.alias or name for name, info in cls.model_fields.items()]
                 if present := present_name(str(name), known):
                     problem = f"was renamed to {present} in schema version 2; use the new name"
+                    raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
+                side, _, joint = str(name).partition("_")
+                if cls.__name__.endswith("_by_name") and side in list(Side) and joint in known:
+                    problem = (
+                        f"unknown key; the same joints have drives in all legs of a device: use {joint}, and "
+                        "leg.driven_sides for the legs"
+                    )
                     raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
                 near = " or ".join(repr(str(key)) for key in _nearest(str(name), known, cls))
                 hint = f"did you mean {near}? " if near else ""

@@ -43,7 +43,9 @@ _WORDS = {
 }
 _COUNTS = {
     ("N_LEGS", "1"): "one leg", ("N_LEGS", "2"): "two legs",
-    ("N_JOINTS_PER_LEG", "2"): "no powered ankle", ("N_JOINTS_PER_LEG", "3"): "powered ankle",
+    ("N_JOINTS_PER_LEG", "1"): "one controlled joint per leg",
+    ("N_JOINTS_PER_LEG", "2"): "two controlled joints per leg",
+    ("N_JOINTS_PER_LEG", "3"): "three controlled joints per leg",
 }  # fmt: skip
 
 
