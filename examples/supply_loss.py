@@ -13,6 +13,7 @@ instead of the height of a fall. Two minutes; page: docs/reference/faults.md.
 import numpy as np
 import pandas as pd
 from gallery import read_options
+from injected_faults.descents import TRUNK_HELD
 from injected_faults.figure import draw_descents
 
 from twin_gait import Run, load_experiment, simulate
@@ -25,19 +26,11 @@ WINDINGS = {
     "shorted, with inductance": f"supply_loss_shorted@{{}}s={INDUCTIVE_TIME}s",
     "open": "supply_loss_open@{}s",
 }
-BENT = "{hip_deg: 20, knee_deg: 30}"
 # Preset, settings and times of the loss in [s]. Each run lasts 12 s from the loss on.
 CASES = {
     "trunk held": (
         "treadmill_start_stop",
-        (
-            "scenario.support={share: 0, lock_stiffness_N_per_m: 0}",
-            "scenario.belt={start_s: 30, stop_s: 40}",
-            f"scenario.leading_start={BENT}",
-            f"scenario.trailing_start={BENT}",
-            "table.phases.stand.hip.equilibrium_deg=20",
-            "table.phases.stand.knee.equilibrium_deg=30",
-        ),
+        TRUNK_HELD,
         (2.0,),
     ),
     "standing": ("overground", ("modes=walking", "scenario.fall_lean_deg=180"), (3.0,)),

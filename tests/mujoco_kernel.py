@@ -30,7 +30,7 @@ class MujocoLegs:
             model,
             patient,
             fit_device=leg.fit_device,
-            made_to_measure=leg.made_to_measure,
+            manufactured=leg.sizes,
             attachment=leg.attachment,
         )
         armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}

@@ -17,9 +17,9 @@ from twin_gait.simulation.simulation_setup import SimulationSetup
 TRUNK_LENGTH, GYRATION = 0.288, 0.496  # head, arms and trunk (Winter 2009, table 4.1)
 
 
-def free_spec(model: Any, patient: Any, *, fit_device: bool = True) -> mujoco.MjSpec:
+def free_spec(model: Any, patient: Any, **options: Any) -> mujoco.MjSpec:
     """Return the legs with a pelvis that also moves forwards and pitches, and a trunk with inertia."""
-    spec = mujoco_legs.legs_spec(model, patient, fit_device=fit_device)
+    spec = mujoco_legs.legs_spec(model, patient, **options)
     if model.pitch_index is None or any(joint.name == PITCH_JOINT for joint in spec.joints):
         return spec  # the model is that of the controller, or its pelvis is free already
     pelvis = spec.joint(PELVIS_JOINT).parent

@@ -15,6 +15,15 @@ class ParameterError(TwinGaitError, ValueError):
     """A parameter is out of its range or inconsistent with another."""
 
 
+class MissingParameterError(ParameterError):
+    """A parameter without a default is not given; ``key`` is its key in a section of a file."""
+
+    def __init__(self, key: str) -> None:
+        """Compose the message from the key."""
+        self.key = key
+        super().__init__(f"{key}: is missing")
+
+
 class ParameterFileError(TwinGaitError):
     """A file that a user wrote has a wrong key or value.
 
@@ -33,6 +42,14 @@ class ParameterFileError(TwinGaitError):
         self.problem = text
         location = f"{self.file}: {where}" if where else self.file
         super().__init__(f"{location}: {text}")
+
+
+class MissingKeyError(ParameterFileError):
+    """A file lacks a key that has no default."""
+
+    def __init__(self, file: Path | str, key: str, advice: str = "") -> None:
+        """Compose the message ``file: key: is missing``, with an advice."""
+        super().__init__(file, key, f"is missing{advice}")
 
 
 class ModelError(TwinGaitError):

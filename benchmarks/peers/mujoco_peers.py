@@ -47,7 +47,10 @@ def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
     """Return the legs with a sphere at every heel and toe above a plane."""
     experiment, world = problem.experiment, problem.world
     assert world.contact is not None
-    spec = legs_spec(world.model, experiment.patient, fit_device=experiment.leg.fit_device)
+    leg_source = experiment.leg
+    spec = legs_spec(
+        world.model, experiment.patient, fit_device=leg_source.fit_device, manufactured=leg_source.sizes
+    )
     for leg in world.model.legs.values():
         for point in contact_points(world.model.model, leg.contact_frames):
             # The lowest point of the sphere of a level foot is the heel or the toe.

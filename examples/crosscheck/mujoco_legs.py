@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from twin_gait import Experiment, JointName, LegModel, Patient, Side
-from twin_gait.leg_model.anthropometry import DeviceSizes, device_sizes
+from twin_gait.leg_model.anthropometry import DeviceSizes, ManufacturedSizes, device_sizes
 from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT, LegJoints
 
@@ -61,7 +61,7 @@ def legs_spec(
     patient: Patient | None,
     *,
     fit_device: bool = True,
-    made_to_measure: bool = False,
+    manufactured: ManufacturedSizes | None = None,
     attachment: Attachment | None = None,
 ) -> mujoco.MjSpec:
     """Read the URDF of a leg model with MuJoCo and put the wearer on there.
@@ -70,7 +70,7 @@ def legs_spec(
         model: For the file and the names of the joints.
         patient: The wearer, or None.
         fit_device: Whether waist, femur, tibia and foot are set to the wearer.
-        made_to_measure: Whether they are exactly those of the wearer.
+        manufactured: Sizes in which the device is made; None for those of the wearer.
         attachment: Parts of the device on the wearer's segments, or None.
 
     Returns:
@@ -88,7 +88,7 @@ def legs_spec(
     if patient is not None:
         sizes = None
         if fit_device:
-            sizes = _own_sizes(patient) if made_to_measure else device_sizes(patient)
+            sizes = device_sizes(patient, manufactured) if manufactured else _own_sizes(patient)
         _put_on(spec, model, patient, sizes, attachment or Attachment())
     return spec
 
@@ -127,7 +127,8 @@ def compiled_legs(
 
 def legs_of(experiment: Experiment, model: LegModel) -> mujoco.MjModel:
     """Return legs and wearer of an experiment, without ground."""
-    spec = legs_spec(model, experiment.patient, fit_device=experiment.leg.fit_device)
+    leg = experiment.leg
+    spec = legs_spec(model, experiment.patient, fit_device=leg.fit_device, manufactured=leg.sizes)
     armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
     plant, step = experiment.plant, experiment.resolved_integration.step
     return compiled_legs(spec, model, armature, gravity=plant.gravity, step=step)

@@ -192,7 +192,8 @@ BAD_SETTINGS = {
     "patient.mass_kg=-3": "10 to 160 kg",
     "patient.mass_kg=heavy": "expected a number",
     "patient.mass_kg=true": "expected a number",
-    "patient.height_m=3": "1.464 to 1.951 m",
+    "patient.height_m=3": "0.70 to 2.20 m",
+    "patient.height_m=2": "1.464 to 1.951 m",
     "patient.segment_model=dempster": "'de_leva' or 'winter'",
     "plant.friction_ratio.knee=-1": "friction_ratio.knee: expected a number from 0 to 10",
     "plant.actuators.hip.gear_efficiency=0.2": "hip.gear_efficiency: expected 0.5 to 1, got 0.2",
@@ -406,8 +407,8 @@ def test_the_last_of_two_settings_with_the_same_key_counts():
     ("key", "outside"),
     [
         ("patient.mass_kg", 9),
-        ("patient.height_m", 1.46),
-        ("patient.height_m", 3),
+        ("patient.height_m", 1.46),  # that of the device
+        ("patient.height_m", 2.05),
         ("patient.effort_delay_s", 2),
         ("patient.both.knee.passive", 4),
         ("scenario.support.share", 1.2),
@@ -427,3 +428,13 @@ def test_a_message_with_a_range_states_the_range_that_is_applied(key, outside):
     low, high = map(float, found.groups())
     assert refusal(low) == refusal(high) == ""
     assert refusal(low * 0.999 or -0.001) and refusal(high * 1.001)
+
+
+@pytest.mark.parametrize(("height", "fits"), [(0.69, False), (0.70, True), (2.20, True), (2.21, False)])
+def test_a_device_made_to_measure_fits_every_wearer(height: float, fits: bool) -> None:
+    settings = ["leg.sizes=null", f"patient.height_m={height}"]
+    if fits:
+        assert load_experiment("treadmill", settings).experiment.build_world().model.sizes is not None
+    else:
+        with raises(ParameterFileError, "patient.height_m", "0.70 to 2.20 m"):
+            load_experiment("treadmill", settings)

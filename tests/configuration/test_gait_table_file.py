@@ -250,7 +250,7 @@ MISTAKES = {
     "truth value": ("equilibrium_deg: 12", "equilibrium_deg: true", "equilibrium_deg", "true"),
     "empty value": (
         "stiffness_Nm_per_deg: 2.5", "stiffness_Nm_per_deg:",
-        "phases.early_stance.hip: stiffness_Nm_per_rad", "is missing",
+        "phases.early_stance.hip.stiffness_Nm_per_rad", "is missing",
     ),
     "list": ("equilibrium_deg: 12", "equilibrium_deg: [12]", "equilibrium_deg", "[12]"),
     "two stiffnesses": (

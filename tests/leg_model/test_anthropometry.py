@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from twin_device import TWIN_SIZES
 
 from twin_gait import load_experiment
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.leg_model.anthropometry import (
-    FEMUR_SIZES,
     SEGMENTS,
-    TIBIA_RANGE,
-    WAIST_SIZES,
     Segment,
     device_sizes,
     foot_line,
@@ -25,6 +26,9 @@ from twin_gait.leg_model.anthropometry import (
 )
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import SegmentModel, Sex
+
+# Sizes of TWIN: three waists, six femurs, a tibia that is adjusted (thesis, table 2.1; the numbers are ours).
+FEMURS, WAISTS = (0.36, 0.38, 0.40, 0.42, 0.44, 0.46), (0.34, 0.38, 0.42)
 
 # de Leva (1996), J Biomech 29(9):1223-1230, table 4, as transcribed in the data folder of the BMC
 # notebooks (BMClab): mass in % of the body, centre of mass and radii of gyration (transverse,
@@ -160,33 +164,58 @@ def test_inertia_does_not_depend_on_the_direction_of_the_segment(axis: np.ndarra
 @given(height=heights)
 def test_device_is_set_to_the_nearest_sizes(height: float) -> None:
     """Thigh 0.245 H, shank 0.246 H, hips 0.191 H (Drillis and Contini, in Winter, 2009)."""
-    sizes = device_sizes(Patient(height=height))
-    assert sizes.femur in FEMUR_SIZES
-    assert all(abs(sizes.femur - 0.245 * height) <= abs(size - 0.245 * height) for size in FEMUR_SIZES)
+    sizes = device_sizes(Patient(height=height), TWIN_SIZES)
+    assert sizes.femur in FEMURS
+    assert all(abs(sizes.femur - 0.245 * height) <= abs(size - 0.245 * height) for size in FEMURS)
     assert_allclose(sizes.tibia, 0.246 * height, rtol=1e-12)
-    assert sizes.waist in WAIST_SIZES
+    assert sizes.waist in WAISTS
 
 
 @given(height=st.floats(1.50, 1.88))
 def test_femur_of_a_5th_to_95th_percentile_wearer_misfits_by_a_centimetre_at_most(height: float) -> None:
-    sizes = device_sizes(Patient(height=height))
+    sizes = device_sizes(Patient(height=height), TWIN_SIZES)
     assert abs(sizes.femur - 0.245 * height) <= 0.0100001
 
 
 def test_wider_hips_get_a_wider_waist() -> None:
-    waists = [device_sizes(Patient(height=height)).waist for height in (1.50, 1.75, 1.93)]
+    waists = [device_sizes(Patient(height=height), TWIN_SIZES).waist for height in (1.50, 1.75, 1.93)]
     assert waists == sorted(waists)
     assert len(set(waists)) > 1
 
 
 @pytest.mark.parametrize("height", [1.40, 1.46, 1.96, 2.05])
 def test_wearer_outside_the_range_of_the_tibia_is_refused(height: float) -> None:
-    with pytest.raises(ParameterError) as caught:
-        device_sizes(Patient(height=height))
-    message = str(caught.value)
-    assert f"got {height!r}" in message
-    assert str(TIBIA_RANGE[0]) in message
-    assert len(message.splitlines()) == 1
+    with raises(ParameterError, f"got {height!r}", "0.36", "leg.sizes: null"):
+        device_sizes(Patient(height=height), TWIN_SIZES)
+
+
+@given(height=st.floats(0.70, 2.20))
+def test_device_made_to_measure_has_the_lengths_of_the_wearer(height: float) -> None:
+    sizes = device_sizes(Patient(height=height))
+    lengths = [sizes.femur, sizes.tibia, sizes.waist, sizes.foot]
+    assert_allclose(lengths, height * np.array([0.245, 0.246, 0.191, 0.152]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "facts"),
+    [
+        ({"femur_m": []}, ("femur", "at least one")),
+        ({"femur_m": ["long"]}, ("femur_m[0]", "long")),
+        ({"waist_m": [0.38, -0.1]}, ("waist_m[1]", "-0.1")),
+        ({"tibia_m": [0.48, 0.36]}, ("tibia", "shortest")),
+        ({"tibia_m": [0.36]}, ("tibia_m",)),
+    ],
+)
+def test_wrong_size_is_refused_with_its_key(sizes: dict[str, object], facts: tuple[str, ...]) -> None:
+    with raises(ParameterFileError, *facts):
+        load_experiment("treadmill", [f"leg.sizes.{key}={json.dumps(value)}" for key, value in sizes.items()])
+
+
+def test_wearer_outside_the_sizes_walks_with_a_device_made_to_measure() -> None:
+    experiment = load_experiment("treadmill", ["leg.sizes=null", "patient.height_m=2.05"]).experiment
+    sizes = experiment.build_world().model.sizes
+    assert sizes is not None
+    assert sizes.femur == pytest.approx(0.245 * 2.05)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import pytest
 from errors import raises
 from example_robots import twin_joints
 from numpy.testing import assert_allclose
+from twin_device import TWIN_SIZES
 
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.anthropometry import device_sizes
@@ -334,8 +335,8 @@ def hip_to_knee(model: LegModel, side: Side) -> float:
 @pytest.mark.parametrize("height", [1.50, 1.62, 1.75, 1.88, 1.95])
 def test_fitting_moves_knees_ankles_and_hips(both_legs: dict[Side, LegJoints], height: float) -> None:
     patient = Patient(height=height)
-    model = LegModel("twin.urdf", both_legs, patient=patient)
-    sizes = device_sizes(patient)
+    model = LegModel("twin.urdf", both_legs, patient=patient, manufactured=TWIN_SIZES)
+    sizes = device_sizes(patient, TWIN_SIZES)
     assert model.sizes == sizes
     q = np.zeros(model.nv)
     for side in Side:
@@ -384,7 +385,7 @@ def test_fitting_keeps_the_mass_of_the_device_and_stretches_its_inertia(
 ) -> None:
     """A rod of the same mass and other length: centre of mass ∝ L, inertia about it ∝ L²."""
     patient = Patient(height=1.50)
-    fitted = LegModel("twin_leg.urdf", bench_leg, patient=patient)
+    fitted = LegModel("twin_leg.urdf", bench_leg, patient=patient, manufactured=TWIN_SIZES)
     worn = LegModel("twin_leg.urdf", bench_leg, patient=patient, fit_device=False)
     assert_allclose(fitted.total_mass, worn.total_mass, rtol=1e-12)
     ratio = hip_to_knee(fitted, Side.RIGHT) / hip_to_knee(worn, Side.RIGHT)
@@ -437,7 +438,7 @@ def test_heavier_wearer_has_a_heavier_leg_everywhere(both_legs: dict[Side, LegJo
 
 def test_wearer_that_the_device_cannot_fit_is_refused(both_legs: dict[Side, LegJoints]) -> None:
     with raises(ParameterError, "height", "tibia", "0.36", "0.48 m", "2.05"):
-        LegModel("twin.urdf", both_legs, patient=Patient(height=2.05))
+        LegModel("twin.urdf", both_legs, patient=Patient(height=2.05), manufactured=TWIN_SIZES)
 
 
 # ---------------------------------------------------------------------------------- any URDF

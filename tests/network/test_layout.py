@@ -10,20 +10,21 @@ from typing import Any
 import cantools
 import numpy as np
 import pytest
-from errors import raises
+from errors import raises, states
 from own_devices import write_device, write_experiment
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli.program import main
 from twin_gait.configuration.device_file import load_device
+from twin_gait.configuration.validation import packaged
 from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.bus import bus_messages, device_messages
-from twin_gait.export.can import network_messages, run_frames
+from twin_gait.export.can import bus_frames, network_messages, run_frames
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
 from twin_gait.network.layout import cover, design_messages, widened_signals, write_dbc
-from twin_gait.network.messages import MEASUREMENT, SETPOINT, message_designs
+from twin_gait.network.messages import MEASUREMENT, SETPOINT, message_designs, phase_codes
 from twin_gait.parameters.network import BOARDS, NetworkParameters
 
 SHIPPED = cantools.database.load_file(shipped_file(PACKAGED_DBC))
@@ -175,6 +176,51 @@ def test_command_writes_the_layout_which_cantools_reads(
     assert main(["device", str(device), "--dbc", str(target), "--force", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert len(document["messages"]) == 12 and document["widened"][0]["unit"] == "A"
+
+
+USUAL = [
+    "early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension", "pre_swing", "stand",
+    "first_swing", "closing_swing_flexion", "closing_swing_extension", "sit", "lean", "rise",
+]  # fmt: skip
+
+
+def test_own_phases_have_the_codes_of_phases_that_the_table_lacks() -> None:
+    usual = {code: name for code, name in enumerate(USUAL)} | {14: "hold", 15: "other"}
+    assert phase_codes(()) == phase_codes(["stand", "early_stance"]) == usual
+    codes = phase_codes(["Standphase", "early_stance", "Schwungphase"])
+    assert codes == {0: "early_stance", 1: "Standphase", 2: "Schwungphase", 14: "hold", 15: "other"}
+    many = [f"phase_{number}" for number in range(16)]
+    assert list(phase_codes(many).values()) == [*many[:14], "hold", "other"]
+
+
+def test_command_names_the_phases_of_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A name with an umlaut is read by cantools as it is written."""
+    shipped = (packaged("tables")["osl_walking"]).read_text(encoding="utf-8")
+    table = tmp_path / "own.yaml"
+    table.write_text(shipped.replace("early_swing", "schwung_früh"), encoding="utf-8")
+    target, own = tmp_path / "own.dbc", ["--table", str(table)]
+    assert main(["device", "osl", "--dbc", str(target), *own]) == 0
+    assert "widened" not in capsys.readouterr().out.partition("gait_state")[2]
+    choices = cantools.database.load_file(target).get_message_by_name("gait_state")
+    named = {str(name): code for code, name in choices.get_signal_by_name("left_phase").choices.items()}
+    assert named == {
+        "early_stance": 0, "schwung_früh": 1, "late_stance": 2, "late_swing": 3, "hold": 14, "other": 15
+    }  # fmt: skip
+    assert load_messages(target)["gait_state"].codes["left_phase"] == named
+    assert main(["device", "osl", *own]) == 2
+    assert states(capsys.readouterr().err, "--table", "--dbc")
+
+
+def test_frames_of_a_run_have_the_own_phases_of_its_table() -> None:
+    experiment = load_experiment("osl_prosthesis").experiment
+    messages = bus_messages(experiment)
+    codes = messages["gait_state"].codes["left_phase"]
+    assert codes.keys() >= {*experiment.table.phase_names}
+    rows = {"safety_state": np.zeros(40), "trip_cause": np.zeros(40)}
+    rows["left_phase"] = np.repeat(experiment.table.phase_names, 10)
+    state = {"gait_state": messages["gait_state"]}
+    found = [frame.data[0] for frame in bus_frames(rows, state, first=0, body_weight=1.0)]
+    assert found == [codes[name] + 16 * codes["other"] for name in experiment.table.phase_names]
 
 
 def test_a_device_without_drives_has_no_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -208,6 +208,17 @@ def test_a_one_legged_run_gives_the_same_switches_again():
     assert result.switches == run.switches
 
 
+def test_a_run_of_a_device_of_one_leg_is_replayed_on_this_leg(tmp_path):
+    """The wearer's own gait moves the other leg, whose angles the log has, too."""
+    run = simulate(load_experiment("knee_orthosis", ["duration_s=3"]).experiment)
+    assert "right_knee_angle_rad" in run.log
+    save_run(run, tmp_path / "run", pictures=False)
+    result = replay_log(str(tmp_path / "run"))
+    assert [*result.phases] == [*summarise_replay(result)["sides"]] == [Side.LEFT]
+    assert len(run.switches) > 5
+    assert result.switches == run.switches
+
+
 # ---------------------------------------------------------------------- healthy walking
 
 

@@ -53,7 +53,7 @@ class Body:
 
     def __init__(self, problem: SimulationSetup, e: Episode) -> None:
         experiment, model = problem.experiment, problem.world.model
-        spec = legs_spec(model, experiment.patient)
+        spec = legs_spec(model, experiment.patient, manufactured=experiment.leg.sizes)
         for side in SIDES[: len(e.arms)]:
             tip = spec.worldbody.add_body(
                 name=side, mass=CRUTCH_MASS, inertia=[1e-3] * 3, explicitinertial=True

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from errors import raises
+from errors import raises, warns
 from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
@@ -26,7 +26,7 @@ from twin_gait.leg_model.attachments import AddedMass, Attachment, BodySegment
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.simulation_setup import build_setup
+from twin_gait.simulation.simulation_setup import StartPhaseWarning, build_setup, start_phase
 from twin_gait.simulation.simulator import simulate_blocks
 from twin_gait.studies.batch import override_experiment
 
@@ -224,6 +224,14 @@ def test_device_in_braces_can_leave_joints_to_the_wearer() -> None:
 def test_own_gait_that_does_not_fit_is_refused(setting: str, facts: list[str]) -> None:
     with raises((ParameterError, ParameterFileError), *facts):
         build_setup(experiment_of("hip_exoskeleton", setting))
+
+
+def test_device_that_lacks_the_phase_of_the_start_says_where_it_starts(one_knee: str) -> None:
+    experiment = experiment_of(one_knee, "scenario.leading_phase=middle_stance")
+    with warns(StartPhaseWarning, "scenario.leading_phase", "middle_stance", "early_stance", "swing_flexion"):
+        setup = build_setup(experiment)
+    assert start_phase(setup.table, "middle_stance") == 0
+    assert setup.own_table is not None and start_phase(setup.own_table, "middle_stance") == 1
 
 
 def test_own_gait_walks_on_a_treadmill_only() -> None:

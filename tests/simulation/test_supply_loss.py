@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from injected_faults.descents import TRUNK_HELD
 from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
@@ -20,17 +21,7 @@ from twin_gait.simulation.simulation_setup import build_setup
 # Torque constant times gear ratio in [N·m/A], resistance of winding and inverter in [Ω]: the data sheet.
 DATA_SHEET = {"hip": (0.109 * 100, 0.84), "knee": (0.0705 * 100, 0.363)}
 KNEE, TURN = Motor(0.0705, 100.0, 0.363), 0.88  # and the inductive time in [s]
-BENT = "{hip_deg: 20, knee_deg: 30}"
-# A trunk that is guided without support, over bent knees on a belt at rest.
-HELD = (
-    "scenario.support={share: 0, lock_stiffness_N_per_m: 0}",
-    "scenario.belt={start_s: 30, stop_s: 40}",
-    f"scenario.leading_start={BENT}",
-    f"scenario.trailing_start={BENT}",
-    "table.phases.stand.hip.equilibrium_deg=20",
-    "table.phases.stand.knee.equilibrium_deg=30",
-    "scenario.fall_height_share=0.1",
-)
+HELD = (*TRUNK_HELD, "scenario.fall_height_share=0.1")
 
 
 @cache

@@ -186,7 +186,7 @@ def export(arguments: argparse.Namespace) -> int:
     Write the log of a run directory as CSV with every column; its joint angles as a motion of OpenSim (.mot
     in degrees, .sto in radians); a folder for OpenSim's inverse dynamics with model, motion, external loads,
     set-up, and the joint moments to compare with; or the frames of its CAN network (candump's .log, Vector's
-    .asc), which the file of 'twin-gait device NAME --dbc' decodes.
+    .asc), which the file of 'twin-gait device NAME --dbc FILE --table TABLE' decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.export.can import export_can, network_messages, run_frames

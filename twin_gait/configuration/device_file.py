@@ -24,7 +24,7 @@ from twin_gait.configuration.validation import (
     read_yaml,
     validate,
 )
-from twin_gait.exceptions import ParameterFileError
+from twin_gait.exceptions import MissingKeyError, ParameterFileError
 from twin_gait.experiment.device import ControlParameters, PlantParameters, check_limits
 from twin_gait.parameters.drives import SensorParameters
 from twin_gait.vocabulary import JointName
@@ -41,7 +41,6 @@ PARTS = {
     "plant": ("actuators", "friction", "friction_ratio", "battery", "electronics", "stops", "ankle"),
     "control": ("friction_model", "limits", "safety"),
 }
-_MISSING = "is missing"  # end of the message about a number that has no default
 BASES = "extends: twin, or extends: ideal for a base without friction and losses"
 
 
@@ -213,18 +212,15 @@ def _for_all_joints(key: str) -> str:
 def _require_complete(device: Device) -> None:
     """Raise ParameterFileError if a device does not state a number of its sections."""
     try:
-        numbers = [path for path, value in _leaves(device.document()) if _is_number(value)]
+        numbers = [path for path, value in _leaves(device.document()) if is_number(value)]
         missing = [path for path in numbers if not device.stated_by(path)]
-    except ParameterFileError as error:
-        if not error.problem.endswith(_MISSING):
-            raise
-        missing = [f"{error.key}.{error.problem.removesuffix(_MISSING).strip(' :')}".strip(".")]
+    except MissingKeyError as error:
+        missing = [error.key]
     if missing:
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
         extends = len(device.sources) > 1
         advice = "state it" if extends else f"state it, or begin the file with {BASES}"
-        problem = f"{_MISSING}{more}; {advice}"
-        raise ParameterFileError(str(device.path), missing[0], problem)
+        raise MissingKeyError(device.path, missing[0], f"{more}; {advice}")
 
 
 def _leaves(mapping: Mapping[str, Any], below: str = "") -> Iterator[tuple[str, Any]]:
@@ -237,7 +233,8 @@ def _leaves(mapping: Mapping[str, Any], below: str = "") -> Iterator[tuple[str, 
             yield path, value
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Check whether a value of a file is a number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, WrapValidator, create_model, model_v
 
 from twin_gait.configuration.validation import Count, Flag, Number, Strict, merge
 from twin_gait.docstrings import summary_of
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import MissingParameterError
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import Declaration, LiteralAlias, Parameters, declarations, is_mapping
 from twin_gait.vocabulary import JointName
@@ -60,7 +60,7 @@ class Section(Strict):
         values = self.values()
         for name, key in self.required.items():
             if name not in values:
-                raise ParameterError(f"{key}: is missing")
+                raise MissingParameterError(key)
         return self.parameters(**values)
 
     @classmethod
@@ -254,6 +254,9 @@ def _type(item: Declaration, kind: Any, factor: float) -> Any:
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
     if get_origin(kind) is tuple:
+        if item.unit is not None:
+            number = _type(item, get_args(kind)[0], factor)
+            return tuple[tuple(one if one is ... else number for one in get_args(kind))]  # type: ignore[misc]
         notation = item.find_annotation(quantities.Notation)
         text: Any = Annotated[str, AfterValidator(notation.read)] if notation else str
         return tuple[text, ...]

@@ -17,10 +17,16 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import PydanticCustomError
 
 from twin_gait import yaml12
-from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.exceptions import (
+    MissingKeyError,
+    MissingParameterError,
+    ParameterError,
+    ParameterFileError,
+    TwinGaitError,
+)
 from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 
 # "friction_ratio" is a name and not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
@@ -179,6 +185,13 @@ class Strict(BaseModel):
         for name in data:
             if name not in quantities:
                 known = [info.alias or name for name, info in cls.model_fields.items()]
+                side, _, joint = str(name).partition("_")
+                if cls.__name__.endswith("_by_name") and side in list(Side) and joint in known:
+                    problem = (
+                        f"unknown key; the same joints have drives in all legs of a device: use {joint}, and "
+                        "leg.driven_sides for the legs"
+                    )
+                    raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
                 near = " or ".join(repr(str(key)) for key in _nearest(str(name), known, cls))
                 hint = f"did you mean {near}? " if near else ""
                 problem = f"unknown key; {hint}allowed: {', '.join(known)}"
@@ -309,11 +322,12 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: 
         # A misspelt key usually causes a missing key as well; the message about the spelling is more useful.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
         kind, problem, given = first["type"], first["msg"], short(first.get("input"))
-        location = _path_in_file(first["loc"], data)
+        location, raised = _path_in_file(first["loc"], data), first.get("ctx", {}).get("error")
+        if kind == "missing" or isinstance(raised, MissingParameterError):
+            key = first["loc"][-1] if raised is None else raised.key
+            raise MissingKeyError(source, _key_in_file([*location, key], prefix)) from error
         if kind == "unknown_key":
             location.append(first["ctx"]["key"])
-        elif kind == "missing":
-            location, problem = [*location, first["loc"][-1]], "is missing"
         elif kind in ("model_type", "model_attributes_type", "dict_type"):
             problem = f"expected keys and values, got {given}"
         elif kind == "value_error":
@@ -324,8 +338,12 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: 
         else:
             problem = problem.replace("valid tuple", "valid list")
             problem = f"{problem[:1].lower()}{problem[1:]}, got {given}"
-        where = _dotted([part if isinstance(part, int) else _short_name(part) for part in location])
-        raise ParameterFileError(source, f"{prefix}.{where}".strip("."), problem) from error
+        raise ParameterFileError(source, _key_in_file(location, prefix), problem) from error
+
+
+def _key_in_file(location: Sequence[Any], prefix: str) -> str:
+    where = _dotted([part if isinstance(part, int) else _short_name(part) for part in location])
+    return f"{prefix}.{where}".strip(".")
 
 
 def convert_with_context(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
@@ -334,6 +352,8 @@ def convert_with_context(source: str, key: str, convert: Callable[[], _Result]) 
         return convert()
     except ParameterFileError:
         raise
+    except MissingParameterError as error:
+        raise MissingKeyError(source, f"{key}.{error.key}".strip(".")) from error
     except TwinGaitError as error:
         raise ParameterFileError(source, key, str(error)) from error
 

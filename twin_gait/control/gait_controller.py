@@ -65,7 +65,7 @@ class ControlledLeg:
     gravity_start: float  # Blended share at the last phase switch.
     gravity: float  # Blended share of the gravity compensation in this tick.
     blend_ticks: list[int]  # Blending time of the parameters of each phase in ticks.
-    frozen_speed: float  # Speed of the hip in [rad/s], above which a constant load is a fault.
+    frozen_speed: float  # Speed of the proximal joint in [rad/s], above which a constant load is a fault.
     start_phase: int = 0  # Phase at the start of the tick.
     entry_tick: int = 0  # Tick in which the phase was entered.
     ticks: int = 0  # Number of ticks since the phase was entered.
@@ -73,7 +73,7 @@ class ControlledLeg:
     results: int = 0  # Results of the nodes of the guard that is being evaluated, one bit for each.
     load: float = 0.0  # Sole load as a fraction of body weight.
     last_load: float = 0.0  # Sole load of the tick before.
-    load_streak: int = 0  # Consecutive ticks in which the load was constant while the hip turned.
+    load_streak: int = 0  # Consecutive ticks in which the load was constant in motion.
     cause: int = NO_TRIP  # Cause of a trip in this tick: a timeout of the phase, or a constant load.
 
 
@@ -173,8 +173,8 @@ def receive_walk_command(controller: ControllerState, walk: float, tick: int) ->
 def monitor_leg(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
     """Set a cause of a trip if a leg is in its phase for too long, or its load is constant in motion.
 
-    A load is constant in motion if it has not changed for some ticks in which the hip was faster than
-    ``frozen_speed``.
+    A load is constant in motion if it has not changed for some ticks in which the proximal joint was faster
+    than ``frozen_speed``.
     """
     leg, proximal = controller.legs[number], controller.joints[number * N_JOINTS_PER_LEG]
     late = tick - max(leg.entry_tick, controller.last_stand_tick) > limits.phase_ticks

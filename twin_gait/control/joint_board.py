@@ -50,7 +50,7 @@ class Limits:
     """Timeouts of the gait controller and the boards, and the hold after a trip."""
 
     phase_ticks: int  # Longest time in a phase in ticks.
-    frozen_load_ticks: int  # Longest time in ticks for which a load may be constant while the hip turns.
+    frozen_load_ticks: int  # Longest time in ticks for which a load may be constant in motion.
     controller_timeout: int  # Timeout in ticks for messages of the gait controller at a board.
     board_timeout: int  # Timeout in ticks for messages of a board at the gait controller.
     lowering_ticks: int  # Number of ticks in which a held leg is lowered.

@@ -1,5 +1,6 @@
 """Messages on the CAN bus of a device: from its DBC file, or generated for its boards and limits."""
 
+from collections.abc import Sequence
 from functools import cache
 
 from twin_gait.experiment.device import ControlParameters, PlantParameters
@@ -80,24 +81,28 @@ def _both_ways(most: float) -> tuple[float, float]:
 
 
 def device_messages(
-    leg: LegSource, plant: PlantParameters, control: ControlParameters
+    leg: LegSource, plant: PlantParameters, control: ControlParameters, phases: Sequence[str] = ()
 ) -> dict[str, MessageDesign]:
-    """Return the generated messages of a device by name; raise the errors of :func:`signal_ranges`."""
-    return design_messages(signal_ranges(leg, plant, control))
+    """Return the generated messages of a device by name; raise the errors of :func:`signal_ranges`.
+
+    ``phases``: phases of the gait table, which get codes in ``gait_state``.
+    """
+    return design_messages(signal_ranges(leg, plant, control), phases)
 
 
 def bus_messages(experiment: Experiment) -> dict[str, Message]:
     """Return the messages on the bus of an experiment by name.
 
     They are those of the DBC file of its network. Without a file, or without a network, they are generated
-    for the boards and limits of the device. Raises ParameterFileError if the file lacks a message or cannot
-    be used, MissingOptionalDependency if cantools is not installed.
+    for boards and limits of the device and phases of the gait table. Raises ParameterFileError if the file
+    lacks a message or cannot be used, MissingOptionalDependency if cantools is not installed.
     """
     leg, plant = experiment.leg, experiment.plant
     network = experiment.network or NetworkParameters()
     if network.dbc:
         return load_messages(network.dbc, [f"{side}_{joint}" for side, joint in device_boards(leg, plant)])
-    return _parsed(write_dbc(experiment.device.name, device_messages(leg, plant, experiment.control)))
+    messages = device_messages(leg, plant, experiment.control, experiment.table.phase_names)
+    return _parsed(write_dbc(experiment.device.name, messages))
 
 
 @cache

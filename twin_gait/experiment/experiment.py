@@ -351,7 +351,7 @@ class Experiment(Parameters):
             self.leg.legs,
             patient=patient,
             fit_device=self.leg.fit_device,
-            made_to_measure=self.leg.made_to_measure,
+            manufactured=self.leg.sizes,
             driven_sides=self.sides,
             attachment=self.leg.attachment,
             pelvis=pelvis,

@@ -1,13 +1,14 @@
 """Body segments of the wearer and the sizes of the device that fit them."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from twin_gait.parameters.quantities import require
-from twin_gait.parameters.wearer import HEIGHT_RANGE, SHANK_LENGTH, TIBIA_RANGE, Patient
+from twin_gait.parameters.quantities import NOT_NEGATIVE, POSITIVE, Length, Parameters, require
+from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
 from twin_gait.vocabulary import SegmentModel, Sex
 
 # Segment lengths as fractions of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
@@ -28,11 +29,6 @@ SHOULDER_HEIGHT = TRUNK_LENGTH = 0.288
 TRUNK_CENTRE_OF_MASS = 0.626
 TRUNK_RADIUS_OF_GYRATION = 0.496
 
-# Sizes of the device (thesis, table 2.1: three waists, six femurs, one adjustable tibia). The
-# numbers are an assumption: they cover the 5th to 95th percentile, 1.50 to 1.88 m.
-FEMUR_SIZES = (0.36, 0.38, 0.40, 0.42, 0.44, 0.46)
-WAIST_SIZES = (0.34, 0.38, 0.42)
-WAIST_CLEARANCE = 0.05  # clearance of the two hip actuators next to the body [m]
 # Foot length of the wearer for whom the foot of a URDF is drawn [m] (an assumption; ours is, see
 # urdf/README.md).
 DRAWN_FOOT = FOOT_LENGTH * 1.75
@@ -149,47 +145,76 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ManufacturedSizes(Parameters):
+    """Sizes in which a device is made, and the range of its adjustment.
+
+    Attributes:
+        femur: Distances from hip to knee in [m], from which the nearest one is chosen.
+        waist: Distances between the hips in [m], from which the nearest one is chosen.
+        waist_clearance: Clearance of both hip actuators next to the body in [m].
+        tibia: Shortest and longest distance from knee to ankle in [m].
+    """
+
+    femur: Annotated[tuple[Length, ...], POSITIVE]
+    waist: Annotated[tuple[Length, ...], POSITIVE]
+    waist_clearance: Annotated[Length, NOT_NEGATIVE]
+    tibia: Annotated[tuple[Length, Length], POSITIVE]
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that there is a size to choose from."""
+        super().__post_init__()
+        for name in ("femur", "waist"):
+            require(bool(getattr(self, name)), f"sizes.{name}", "at least one size", [])
+        require(self.tibia[0] <= self.tibia[1], "sizes.tibia", "the shortest length first", list(self.tibia))
+
+
+@dataclass(frozen=True, kw_only=True)
 class DeviceSizes:
     """Sizes to which the device is adjusted."""
 
-    femur: float  # distance from hip to knee in [m], one of ``FEMUR_SIZES``
+    femur: float  # distance from hip to knee in [m]
     tibia: float  # distance from knee to ankle in [m]
-    waist: float  # distance between the hips in [m], one of ``WAIST_SIZES``
+    waist: float  # distance between the hips in [m]
     # Length of the wearer's foot in [m]. The foot plate is scaled from its drawn size by the ratio of this
     # length to ``DRAWN_FOOT``.
     foot: float
 
 
-def device_sizes(patient: Patient) -> DeviceSizes:
-    """Choose the sizes of the device that fit a wearer best.
+def device_sizes(patient: Patient, manufactured: ManufacturedSizes | None = None) -> DeviceSizes:
+    """Return the sizes of the device for a wearer.
 
-    The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer,
-    the foot plate made for the foot. The joints of wearer and device are assumed to be aligned: the remaining
-    difference (at most 1 cm at the femur up to a height of 1.91 m) is neglected.
+    The joints of wearer and device are assumed to be aligned: a difference between a manufactured size and
+    the length of the wearer's segment is neglected.
 
-    ``patient``: the wearer. Returns the sizes. Raises ParameterError if the shank is outside the range of the
-    tibia.
+    Args:
+        patient: The wearer.
+        manufactured: Sizes in which the device is made: femur and waist are the nearest ones, and the tibia
+            is adjusted to the shank. None for a device that is made to measure, which has the lengths of the
+            body.
+
+    Returns:
+        The sizes; the foot plate is always made for the foot.
+
+    Raises:
+        ParameterError: If the shank is outside the range of the tibia.
     """
-    tibia = SHANK_LENGTH * patient.height
-    fits = TIBIA_RANGE[0] <= tibia <= TIBIA_RANGE[1]
-    require(fits, "patient height", HEIGHT_RANGE, patient.height)
-    thigh = THIGH_LENGTH * patient.height
-    hips = HIP_BREADTH * patient.height + WAIST_CLEARANCE
-    return DeviceSizes(
-        femur=min(FEMUR_SIZES, key=lambda size: abs(size - thigh)),
-        tibia=tibia,
-        waist=min(WAIST_SIZES, key=lambda size: abs(size - hips)),
-        foot=FOOT_LENGTH * patient.height,
+    height = patient.height
+    tibia, foot = SHANK_LENGTH * height, FOOT_LENGTH * height
+    if manufactured is None:
+        return DeviceSizes(femur=THIGH_LENGTH * height, tibia=tibia, waist=HIP_BREADTH * height, foot=foot)
+    low, high = manufactured.tibia
+    least, most = math.ceil(1e3 * low / SHANK_LENGTH) / 1e3, math.floor(1e3 * high / SHANK_LENGTH) / 1e3
+    expected = (
+        f"{least:g} to {most:g} m, which the tibia follows from {low:g} to {high:g} m "
+        "(any height with leg.sizes: null, for a device that is made to measure)"
     )
-
-
-def wearer_sizes(patient: Patient) -> DeviceSizes:
-    """Return the sizes of a device that is made to the measure of a wearer: the lengths of the body."""
+    require(low <= tibia <= high, "patient height", expected, height)
+    thigh, hips = THIGH_LENGTH * height, HIP_BREADTH * height + manufactured.waist_clearance
     return DeviceSizes(
-        femur=THIGH_LENGTH * patient.height,
-        tibia=SHANK_LENGTH * patient.height,
-        waist=HIP_BREADTH * patient.height,
-        foot=FOOT_LENGTH * patient.height,
+        femur=min(manufactured.femur, key=lambda size: abs(size - thigh)),
+        tibia=tibia,
+        waist=min(manufactured.waist, key=lambda size: abs(size - hips)),
+        foot=foot,
     )
 
 

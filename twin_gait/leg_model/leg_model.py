@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
-from twin_gait.leg_model.anthropometry import device_sizes, wearer_sizes
+from twin_gait.leg_model.anthropometry import ManufacturedSizes, device_sizes
 from twin_gait.leg_model.assembly import Fitting, complete_assembly
 from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.urdf import find_urdf
@@ -50,7 +50,7 @@ class LegModel:
         *,
         patient: Patient | None = None,
         fit_device: bool = True,
-        made_to_measure: bool = False,
+        manufactured: ManufacturedSizes | None = None,
         driven_sides: Sequence[Side] = (),
         attachment: Attachment | None = None,
         pelvis: PelvisGuide = PelvisGuide.FIXED,
@@ -67,8 +67,7 @@ class LegModel:
                 joint of the URDF is locked at zero.
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia, waist and foot to the wearer's size.
-            made_to_measure: Whether femur and waist are exactly those of the wearer, instead of a size of
-                TWIN.
+            manufactured: Sizes in which the device is made; None for a device that is made to measure.
             driven_sides: Legs with drives, and so with ``armature``; empty for all legs.
             attachment: Parts of the device on the segments of the wearer; None for none.
             pelvis: Guide of the pelvis.
@@ -88,8 +87,7 @@ class LegModel:
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        sizes = wearer_sizes if made_to_measure else device_sizes
-        self.sizes = sizes(patient) if patient is not None and fit_device else None
+        self.sizes = device_sizes(patient, manufactured) if patient is not None and fit_device else None
         alone = joints.BodySelection(bodies) is joints.BodySelection.WEARER
         fitting = Fitting(
             sizes=self.sizes,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cantools.database.can.signal import Signal as DbcSignal
 
 PACKAGED_DBC = "twin.dbc"
+DBC_ENCODING = "cp1252"  # That of cantools, too.
 _WORD = 32  # Number of bits of a half of a frame.
 
 
@@ -78,7 +79,7 @@ def load_messages(
     """
     path = find_dbc(path_or_name)
     try:
-        text = read_bytes(path).decode("cp1252", errors="replace")  # cantools uses this encoding, too.
+        text = read_bytes(path).decode(DBC_ENCODING, errors="replace")
     except OSError as error:
         raise ParameterFileError(path, "", f"is not a DBC file ({error})") from error
     return parse_messages(text, path, boards)

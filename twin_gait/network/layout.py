@@ -1,7 +1,7 @@
 """Layout of the frames of a device: ranges of its signals, and the DBC file that states them."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import ROUND_FLOOR, Decimal
 from pathlib import Path
@@ -50,18 +50,19 @@ def _series() -> Iterator[Decimal]:
         power *= 10
 
 
-def design_messages(ranges: Ranges) -> dict[str, MessageDesign]:
+def design_messages(ranges: Ranges, phases: Sequence[str] = ()) -> dict[str, MessageDesign]:
     """Return the messages of a device with ranges that suffice for it.
 
     Args:
         ranges: Ranges that the signals of each board, and of the battery, must cover. A device has the
             boards that are named; a signal that is not named keeps its usual range.
+        phases: Phases of the gait table, which get codes in ``gait_state``.
 
     Returns:
         Messages by name, the lowest identifier first.
     """
     boards, messages = ordered_boards(ranges), {}
-    for message, design in message_designs(boards).items():
+    for message, design in message_designs(boards, phases).items():
         node = next((board for board in boards if message.startswith(f"{board}_")), message)
         needed = ranges.get(node, {})
         signals = {
@@ -80,7 +81,7 @@ def widened_signals(messages: Mapping[str, MessageDesign]) -> dict[str, Signal]:
         f"{message}.{key}": signal
         for message, design in messages.items()
         for key, signal in design.signals.items()
-        if signal != usual[message].signals[key]
+        if signal.bounds != usual[message].signals[key].bounds
     }
 
 

@@ -6,13 +6,14 @@ identifier, bit, step and range is an assumption. :mod:`twin_gait.network.layout
 and writes the DBC file.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 from twin_gait.parameters.network import BOARDS
+from twin_gait.vocabulary import Side
 from twin_gait.yaml12 import load_data
 
 COUNTS = 4  # Number of values of the counter of a frame, which has two bits.
@@ -96,6 +97,10 @@ def _designs(kind: str) -> dict[str, MessageDesign]:
 
 BOARD_MESSAGES, DEVICE_MESSAGES = _designs("board_messages"), _designs("device_messages")
 SETPOINT, MEASUREMENT = (BOARD_MESSAGES[kind].signals for kind in (SETPOINT_SUFFIX, MEASUREMENT_SUFFIX))
+_RESERVED = "hold", "other"  # Phases whose codes no own phase of a table takes.
+_CODES = DEVICE_MESSAGES["gait_state"].signals["left_phase"].names
+_PHASES = {code: name for code, name in _CODES.items() if name not in _RESERVED}
+_OTHER_PHASES = {code: name for code, name in _CODES.items() if name in _RESERVED}
 
 
 def ordered_boards(boards: Collection[str]) -> list[str]:
@@ -103,10 +108,25 @@ def ordered_boards(boards: Collection[str]) -> list[str]:
     return [board for board in BOARDS if board in boards]
 
 
-def message_designs(boards: Collection[str]) -> dict[str, MessageDesign]:
+def phase_codes(phases: Sequence[str]) -> dict[int, str]:
+    """Return the phases of a leg by their codes in ``gait_state``.
+
+    A phase has the same code in every layout. Own phases of a gait table have the codes of phases that the
+    table lacks, in order, as far as there are any; the rest is sent as ``other``.
+    """
+    used = {code: name for code, name in _PHASES.items() if name in phases}
+    own = [name for name in phases if name not in _CODES.values()]
+    if not own:
+        used = dict(_PHASES)
+    free = [code for code in range(min(_OTHER_PHASES)) if code not in used]
+    return dict(sorted((used | dict(zip(free, own, strict=False)) | _OTHER_PHASES).items()))
+
+
+def message_designs(boards: Collection[str], phases: Sequence[str] = ()) -> dict[str, MessageDesign]:
     """Return the messages of a device with some boards, by name, the lowest identifier first.
 
-    A board has the same number, and its messages the same identifiers, in every device.
+    A board has the same number, and its messages the same identifiers, in every device. ``phases``: phases of
+    the gait table, which get codes in ``gait_state``.
     """
     found: dict[str, MessageDesign] = {}
     for board in ordered_boards(boards):
@@ -117,5 +137,7 @@ def message_designs(boards: Collection[str]) -> dict[str, MessageDesign]:
                 sender=board if design.sender == BOARD else design.sender,
                 receivers=tuple(board if name == BOARD else name for name in design.receivers),
             )
-    found |= DEVICE_MESSAGES
+    codes, state = phase_codes(phases), DEVICE_MESSAGES["gait_state"]
+    named = {f"{side}_phase": replace(state.signals[f"{side}_phase"], names=codes) for side in Side}
+    found |= DEVICE_MESSAGES | {"gait_state": replace(state, signals=state.signals | named)}
     return dict(sorted(found.items(), key=lambda item: item[1].identifier))

@@ -267,8 +267,8 @@ class SafetyParameters(quantities.Parameters):
         drive_deviation: Largest deviation of the measured current from the drive's target, in [A].
         drive_time: Longest time in [s] for which a drive may deviate by more.
         phase_timeout: Longest time in a phase in [s]; no phase of the shipped gaits lasts 0.8 s.
-        frozen_load_time: Longest time in [s] for which a loaded foot's sensor may be constant while the hip
-            turns.
+        frozen_load_time: Longest time in [s] for which a loaded foot's sensor may be constant while the
+            proximal joint turns.
         min_voltage_share: Share of the battery's open-circuit voltage below which the drives are not
             reliable.
         voltage_time: Longest time in [s] for which the bus may be below that voltage.

@@ -265,9 +265,9 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
             optional = True
             kind = Union[tuple(one for one in get_args(kind) if one is not type(None))]  # noqa: UP007
     numbers = kind
-    while get_origin(numbers) is Annotated or is_mapping(numbers):
+    while get_origin(numbers) is Annotated or is_mapping(numbers) or _is_list_of_quantities(numbers):
         marks += get_args(numbers)[1:] if get_origin(numbers) is Annotated else ()
-        numbers = get_args(numbers)[0 if get_origin(numbers) is Annotated else -1]
+        numbers = get_args(numbers)[-1 if is_mapping(numbers) else 0]
     unit = next((mark for mark in marks if isinstance(mark, QuantityUnits)), None)
     bounds = next((mark for mark in marks if isinstance(mark, Range)), None)
     if bounds is None and numbers in (float, int):
@@ -277,6 +277,10 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
     key = next((mark.name for mark in marks if isinstance(mark, Key)), item.name)
     default = item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
     return Declaration(item.name, kind, optional, default, unit, bounds, key, meaning, tuple(marks))
+
+
+def _is_list_of_quantities(kind: Any) -> bool:
+    return get_origin(kind) is tuple and get_origin(get_args(kind)[0]) is Annotated
 
 
 def is_mapping(kind: Any) -> bool:

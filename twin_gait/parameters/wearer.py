@@ -9,19 +9,12 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
-# Shank over body height: Drillis and Contini, in Winter (2009), fig. 4.1. The tibia of the device is adjusted
-# to it (thesis, table 2.1); the range of the adjustment in [m] is an assumption.
+# Shank over body height: Drillis and Contini, in Winter (2009), fig. 4.1.
 SHANK_LENGTH = 0.246
-TIBIA_RANGE = (0.36, 0.48)
-_LOW, _HIGH = (length / SHANK_LENGTH for length in TIBIA_RANGE)
-HEIGHT_RANGE = (
-    f"{math.ceil(1e3 * _LOW) / 1e3:g} to {math.floor(1e3 * _HIGH) / 1e3:g} m, which the tibia follows from "
-    f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (0.70 to 2.20 m with leg.fit_device: false)"
-)
 
 # From a child of one to two years to a person who is twice as heavy as the subjects of the segment tables.
 MASSES = quantities.Range(10.0, 160.0, words="10 to 160 kg")
-HEIGHTS = quantities.Range(0.70, 2.20, words=HEIGHT_RANGE)
+HEIGHTS = quantities.Range(0.70, 2.20, words="0.70 to 2.20 m")
 NOISES = quantities.Range(0.0, 5.0, reason="five times the effort itself")
 CONTRACTURES = quantities.Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 

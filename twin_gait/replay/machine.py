@@ -217,7 +217,7 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
 
 
 def _add_run_data(recording: Recording, experiment: Experiment, table: GaitTable) -> Recording:
-    """Add the data of a run to its recording: initial phases of the legs, and commands they received."""
+    """Add the data of a run to the recording of the device's legs: initial phases, and received commands."""
     world, modes, walking = experiment.build_world(), experiment.modes, experiment.scenario.walking
     # A signal of the device that a run does not log kept its initial value: nothing in the run changed it.
     device = {item.name: np.full(recording.n_ticks, item.initial_value) for item in signals.DEVICE_SIGNALS}
@@ -236,8 +236,12 @@ def _add_run_data(recording: Recording, experiment: Experiment, table: GaitTable
     elif walking is not None and walking.belt.ramp > 0.0:
         start, stop = walking.belt.start, walking.belt.stop
         device[signals.WALK.name] = np.array([walk_command(time, start, stop) for time in recording.time])
+    sides = experiment.sides  # the wearer may have another leg, which the table does not control
     return replace(
         recording,
+        angles={key: values for key, values in recording.angles.items() if key[0] in sides},
+        loads={side: values for side, values in recording.loads.items() if side in sides},
+        phases={side: values for side, values in recording.phases.items() if side in sides},
         device=device,
         body_weight=world.body_weight,
         starts={side: str(phase) for side, phase in world.initial_phases.items()},

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from twin_gait.configuration.device_file import Device
+from twin_gait.configuration.device_file import Device, is_number
 from twin_gait.core.actuator import (
     Motor,
     current_to_torque,
@@ -27,8 +27,9 @@ def describe_device(device: Device) -> dict[str, Any]:
     ``mass_kg`` is that of links and parts on the wearer's segments. ``joints`` has a row for each joint with
     its name in the URDF and its range; ``drives`` a row for each drive, with the limits of its joint, the
     ceiling of the torque limit, and the available torque in [N·m] at :data:`SPEED_SHARES` of the no-load
-    speed; ``numbers`` a row for each number with its value in SI, the device that states it, and its source.
-    Raises ModelError if the URDF cannot be used, and ParameterError if a limit exceeds that of the URDF.
+    speed; ``numbers`` a row for each number or list of numbers with its value in SI, the device that
+    states it, and its source. Raises ModelError if the URDF cannot be used, and ParameterError if a limit
+    exceeds that of the URDF.
     """
     parameters, document = device.parameters(), device.document()
     plant, control, leg = parameters["plant"], parameters["control"], parameters["leg"]
@@ -116,6 +117,6 @@ def _numbers(device: Device, document: Mapping[str, Any], below: str = "") -> It
         path = f"{below}.{key}".removeprefix(".")
         if isinstance(value, Mapping):
             yield from _numbers(device, value, path)
-        elif isinstance(value, int | float) and not isinstance(value, bool):
+        elif is_number(value) or (isinstance(value, list) and value and all(map(is_number, value))):
             row = {"key": path, "value": value}
             yield {**row, "stated_by": device.stated_by(path), "source": device.source_of(path)}

@@ -256,7 +256,8 @@ class Run:
             table.transitions and any(table.is_swing(phase) for phase in table.phases) for table in tables
         )
         if not swings or not self.steady_spans:
-            return Verdict(None, "no walk to judge: the gait table has no swing, or no mode requested a step")
+            missing = "no phase of the gait table has swing in its name, or no mode requested a step"
+            return Verdict(None, f"no walk to judge: {missing}")
         return judge_gait(self.leg_records())
 
     @property

@@ -1,5 +1,6 @@
 """Simulation setup: arrays that every engine needs, computed from an experiment."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -220,13 +221,17 @@ def controller_plan(experiment: Experiment, sides: tuple[Side, ...], inertia: In
     )
 
 
+class StartPhaseWarning(UserWarning):
+    """The gait table of the device lacks the phase in which a leg is to start."""
+
+
 def require_start_phases(
     experiment: Experiment, world: World, table: GaitTable, own_table: GaitTable | None
 ) -> None:
     """Raise ParameterError for a phase at the start that neither the device nor the wearer has.
 
     A leg without the phase starts in its first phase, because tables of device and wearer may name their
-    phases differently.
+    phases differently; a leg of the device does so with a warning.
     """
     tables = [table] if own_table is None else [table, own_table]
     for side, phase in world.initial_phases.items():
@@ -236,6 +241,12 @@ def require_start_phases(
         known = " or ".join(f"a phase of gait table {one.name!r}, {', '.join(one.phases)}" for one in tables)
         name = " and ".join(keys) or f"scenario: phase of the {side} leg"
         require(any(phase in (None, *one.phases) for one in tables), name, known, phase)
+        if side in experiment.sides and phase not in (None, *table.phases):
+            text = (
+                f"{name}: only the own gait has the phase {phase}; the device starts the {side} leg in "
+                f"{table.phase_names[0]}; to choose, set one of {', '.join(table.phases)}"
+            )
+            warnings.warn(text, StartPhaseWarning, stacklevel=3)
 
 
 def start_phase(table: GaitTable, phase: str | None) -> int:

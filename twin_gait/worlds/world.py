@@ -18,6 +18,7 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
+from twin_gait.leg_model.anthropometry import ManufacturedSizes
 from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
@@ -45,7 +46,8 @@ class LegSource(Parameters):
         urdf: Path of a URDF, or the name of a packaged one.
         legs: Joint names per side.
         fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
-        made_to_measure: Whether they fit exactly; otherwise femur and waist have the sizes of TWIN.
+        sizes: Sizes in which the device is made; none for a device that is made to measure, with the lengths
+            of the wearer.
         driven_sides: Legs of the device, or none if it has all legs of the URDF.
         attachment: Parts of the device on the segments of the wearer, in addition to the links of the URDF.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
@@ -53,10 +55,10 @@ class LegSource(Parameters):
             known. A heavier wearer is simulated, with a note.
     """
 
-    urdf: str = "twin.urdf"
+    urdf: str
     legs: Annotated[Mapping[Side, LegJoints], Inline()] = field(default_factory=dict)
     fit_device: bool = True
-    made_to_measure: bool = False
+    sizes: ManufacturedSizes | None = None
     driven_sides: tuple[Side, ...] = ()
     attachment: Attachment = field(default_factory=Attachment)
     up_axis: Literal["y", "z"] = "z"

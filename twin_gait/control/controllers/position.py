@@ -1,7 +1,7 @@
 """Position tracking: a stiff spring that follows a predetermined path (TWIN's walk mode)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -30,7 +30,6 @@ from twin_gait.vocabulary import JointName, Side
 # The knee's motor has to accelerate its own rotor, 3.3 kg·m² at the joint, with 60 N·m: 18 rad/s² at most.
 # The healthy knee at 1.5 km/h needs more than 50; its first two harmonics with a 10 % longer stride time need
 # 12.
-PATH_JOINTS = (JointName.HIP, JointName.KNEE)
 PATH_HARMONICS = 2
 PATH_SLOWNESS = 1.1  # Ratio to the healthy stride time.
 HIP_EXCURSION = 1.1  # Ratio to the healthy excursion: at the same belt speed slower steps have to be longer.
@@ -90,12 +89,12 @@ class Position(Controller):
     unprinted_reason = "control.mode: position is not available in the firmware; set impedance"
 
     def check_joints(self, joints: tuple[JointName, ...]) -> str:
-        """Check that the joints are hip and knee, for which the path was found, and that each has a spring.
+        """Check that each joint has a path and a spring.
 
         Returns an error message, empty if the controller can drive the joints.
         """
-        if joints != PATH_JOINTS:
-            return f"control.mode: position has a path for {', '.join(PATH_JOINTS)} only; set another mode"
+        if not set(joints) <= PATHS.keys():
+            return f"control.mode: position has a path for {', '.join(PATHS)} only; set another mode"
         missing = [joint for joint in joints if joint not in self.path.stiffness]
         problem = "is missing; control.mode position needs a stiffness for every joint"
         return f"control.path.stiffness.{missing[0]}: {problem}" if missing else ""
@@ -120,25 +119,39 @@ class Position(Controller):
         monitor trips.
         """
         path = self.reference_path(plan)
-        return {side: _posture(path, start) for side, start in zip(plan.sides, path.starts, strict=True)}
+        joints = [JointName(name) for name in plan.joints]
+        return {
+            side: _posture(path, start, joints) for side, start in zip(plan.sides, path.starts, strict=True)
+        }
 
     def reference_path(self, plan: Plan) -> ReferencePath:
         """Return the path of position tracking."""
-        return device_walk(plan.reference)
+        return device_walk(plan.reference, plan.joints)
 
     def initial_memory(self, plan: Plan) -> ReferencePath:
         """Return the path as the memory of the controller."""
         return self.reference_path(plan)
 
 
-def device_walk(healthy: ReferencePath) -> ReferencePath:
-    """Modify the healthy walk to one that the motors can follow; see the constants of this module."""
-    hip, knee = _few_harmonics(np.array(healthy.angles)).T
-    middle = hip[:-1].mean()
-    hip = middle + HIP_OFFSET + HIP_EXCURSION * (hip - middle)
-    share = (knee - knee.min()) / (knee.max() - knee.min())
-    knee = KNEE_LOWEST + share * (KNEE_HIGHEST - KNEE_LOWEST)
-    angles = np.column_stack((hip, knee)).tolist()
+def _shifted(curve: np.ndarray) -> np.ndarray:
+    middle = curve[:-1].mean()
+    return np.asarray(middle + HIP_OFFSET + HIP_EXCURSION * (curve - middle))
+
+
+def _spanned(curve: np.ndarray) -> np.ndarray:
+    share = (curve - curve.min()) / (curve.max() - curve.min())
+    return np.asarray(KNEE_LOWEST + share * (KNEE_HIGHEST - KNEE_LOWEST))
+
+
+# Functions that change the first harmonics of a healthy joint to the path of this joint.
+PATHS = {JointName.HIP: _shifted, JointName.KNEE: _spanned}
+
+
+def device_walk(healthy: ReferencePath, joints: Sequence[str]) -> ReferencePath:
+    """Modify the healthy walk of some joints to one that the motors can follow; see the constants above."""
+    curves = _few_harmonics(np.array(healthy.angles)).T
+    paths = [PATHS[JointName(name)](curve) for name, curve in zip(joints, curves, strict=True)]
+    angles = np.column_stack(paths).tolist()
     return ReferencePath(angles, round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
 
 
@@ -150,7 +163,7 @@ def _few_harmonics(curves: np.ndarray) -> np.ndarray:
     return np.vstack((smooth, smooth[:1]))
 
 
-def _posture(path: ReferencePath, start: float) -> dict[JointName, float]:
+def _posture(path: ReferencePath, start: float, joints: Sequence[JointName]) -> dict[JointName, float]:
     before, share = find_cycle_interval(start, len(path.angles))
     ends = zip(path.angles[before], path.angles[before + 1], strict=True)
-    return {joint: low + share * (high - low) for joint, (low, high) in zip(PATH_JOINTS, ends, strict=True)}
+    return {joint: low + share * (high - low) for joint, (low, high) in zip(joints, ends, strict=True)}
