@@ -117,10 +117,12 @@ class Controller:
     """Measurement, state machines and control law of one run."""
 
     def __init__(self, problem: SimulationSetup) -> None:
-        """Read the parameters for ideal sensors."""
+        """Read the parameters for ideal sensors, which may have an offset."""
         experiment = problem.experiment
         self._problem = problem
         self._sensors, self._gain = experiment.sensors, problem.fast_gain
+        offsets = experiment.sensors.offset
+        self._offset = np.array([offsets.get(item.side, {}).get(item.joint, 0.0) for item in problem.joints])
         limits = [experiment.control.limits[joint.joint] for joint in problem.joints]
         self._torque_limit = np.array([item.torque for item in limits])
         self._current_limit = np.array([item.current for item in limits])
@@ -161,7 +163,7 @@ class Controller:
             loads: Foot loads over body weight.
         """
         self._loads = loads
-        self._measure(tick, q[self._index])
+        self._measure(tick, q[self._index] + self._offset)
         pitch = self._problem.world.model.pitch_index
         self._device = {
             "trunk.pitch_deg": 0.0 if pitch is None else float(q[pitch]),
@@ -482,7 +484,7 @@ def motion(problem: SimulationSetup, ticks: int) -> RecordedMotion:
 def _require_known(problem: SimulationSetup) -> None:
     """Fail if a problem has properties that the loop does not model."""
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
-    assert experiment.sensors.ideal and not experiment.sensors.offset
+    assert experiment.sensors.ideal
     assert control.delay == 0.0
     assert control.mode == "impedance"
     assert control.assistance.is_full

@@ -36,7 +36,8 @@ CASES = {
     ),
     "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),
     "hip exoskeleton, knees moved by the wearer": ("hip_exoskeleton", EULER, 0.25, 1500),
-    "prosthesis of one leg": ("osl_prosthesis", EULER, 0.25, 800),
+    "prosthesis of one leg": ("osl_prosthesis", EULER, 0.25, 1000),
+    "aligned prosthesis of one leg": ("sup_prosthesis", EULER, 0.25, 800),
 }
 
 
