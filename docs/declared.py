@@ -229,7 +229,7 @@ def _requirements(extra: str) -> list[str]:
 
 
 def licence_of(found: Any) -> str:
-    """Return the licence in the metadata: an expression, else classifiers, else a short text."""
+    """Return the licence in the metadata: an expression, classifiers, a short text, or its file's title."""
     if found["License-Expression"]:
         return str(found["License-Expression"])
     classified = [
@@ -244,4 +244,9 @@ def licence_of(found: Any) -> str:
         return text[0]
     if found["Name"].startswith("cmeel-"):
         return f"that of {found['Name'].removeprefix('cmeel-')}, which it packs"
+    for file in found.get_all("License-File", []):
+        licence = metadata.distribution(found["Name"]).read_text(f"licenses/{file}") or ""
+        title = licence.strip().partition("\n")[0]
+        if 0 < len(title) < 60:
+            return title
     return "not named in its metadata"

@@ -73,7 +73,20 @@ CORC_X2 = Convention(
     signs={JointName.KNEE: -1.0},
     unit=RADIANS,
 )
-CONVENTIONS = {item.name: item for item in (OWN_CONVENTION, OPENSIM_GAIT2392, RAJAGOPAL, OSL, CORC_X2)}
+# Vicon Plug-in Gait: flexion of hip and knee and dorsiflexion positive (Plug-in Gait Reference Guide, "Lower
+# body angles as output from Plug-in Gait"); angles without a unit are in degrees.
+PLUG_IN_GAIT = Convention(
+    name="plug_in_gait",
+    columns={
+        (side, joint): f"{str(side)[0].upper()}{joint.capitalize()}Angles"
+        for side in Side
+        for joint in JointName
+    },
+    unit=DEGREES,
+)
+CONVENTIONS = {
+    item.name: item for item in (OWN_CONVENTION, OPENSIM_GAIT2392, RAJAGOPAL, OSL, CORC_X2, PLUG_IN_GAIT)
+}
 
 
 def find_convention(name: str) -> Convention:

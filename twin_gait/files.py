@@ -9,7 +9,7 @@ import math
 import os
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -260,10 +260,14 @@ def require_parquet(path: Path) -> None:
         require_table_size(path, file.metadata.num_rows, file.metadata.num_columns)
 
 
-def read_parquet(path: Path) -> pd.DataFrame:
+def read_parquet(path: Path, columns: Collection[str] | None = None) -> pd.DataFrame:
     """Read a regular parquet file, unless it is larger than any log of a walk when unpacked.
 
     The columns are read one by one, because the whole table next to the frame would take twice the memory.
+
+    Args:
+        path: The file.
+        columns: Names of the columns to read if the file has them; None for all.
 
     Raises:
         ParameterFileError: If it is not a regular file, or too large.
@@ -276,7 +280,8 @@ def read_parquet(path: Path) -> pd.DataFrame:
 
     require_parquet(path)
     with pq.ParquetFile(path) as file:
-        names, others = file.schema_arrow.names, {}
+        names = [name for name in file.schema_arrow.names if columns is None or name in columns]
+        others = {}
         numbers = np.empty((len(names), file.metadata.num_rows))
         for index, name in enumerate(names):
             read = file.read([name])  # also reads columns whose names begin with this one

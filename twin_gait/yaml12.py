@@ -95,7 +95,14 @@ def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
     return dumper.represent_scalar(f"{_TAG}str", text, style="|" if "\n" in text else None)
 
 
+def _represent_list(dumper: Dumper, items: list[Any]) -> yaml.SequenceNode:
+    """Represent a list; one of numbers, such as a curve, is in brackets instead of one number a line."""
+    numbers = bool(items) and all(type(item) in (int, float) for item in items)
+    return dumper.represent_sequence(f"{_TAG}seq", items, flow_style=numbers or None)
+
+
 Dumper.add_representer(str, _represent_text)
+Dumper.add_representer(list, _represent_list)
 
 
 def load_yaml(text: str) -> Any:

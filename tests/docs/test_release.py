@@ -45,7 +45,10 @@ def listed(section: str) -> set[str]:
     return set(re.findall(r"^\| `([\w.-]+)` \| \S", block, flags=re.MULTILINE))
 
 
-@pytest.mark.parametrize("extra", ["package", "can", "cluster", "floor", "robots", "browser", "test", "docs"])
+EXTRAS = ("can", "cluster", "floor", "mocap", "mcap", "robots", "browser", "test", "docs")
+
+
+@pytest.mark.parametrize("extra", ["package", *EXTRAS])
 def test_every_requirement_has_a_licence_in_the_page(extra):
     project = PROJECT["project"]
     wanted = project["dependencies"] if extra == "package" else project["optional-dependencies"][extra]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
-_ENDINGS = {"csv", "parquet", "mot", "sto", "log", "asc", "html", "png", "jpg", "jpeg", "svg", "pdf"}
+_ENDINGS = set("csv parquet mot sto log asc mcap html png jpg jpeg svg pdf".split())
 _FLAG: dict[str, Any] = {"action": "store_true"}
 _PORT = f"first port to try ({FIRST_PORT}; 0: any)"
 SEED = "seed of every random draw (0)"

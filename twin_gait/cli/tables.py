@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING, Any
+import sys
+from pathlib import Path
+from typing import Any
 
 from twin_gait.cli import options
 from twin_gait.cli.findings import counted, heading
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
-
-if TYPE_CHECKING:
-    pass
-
 
 DIAGRAMS = ("transitions", "truth", "svg", "mermaid")
 
@@ -57,6 +55,10 @@ def add_parser(commands: Any) -> None:
     add("--cycle-time-s", type=float, metavar="S", help="duration of a stride whose log has time as a share")
     add("--max-gap-s", type=float, metavar="S", help="longest gap in the log that is interpolated (0.1)")
     add("--speed", type=float, metavar="KM_PER_H", help="belt speed to which the table is scaled")
+    add("--subject", metavar="NAME", help="person of a C3D or LocoHub file; name of the person in --strides")
+    add("--task", metavar="NAME", help="task or task_id of a LocoHub file, and of --strides")
+    text = "write the strides from heel strike to heel strike in the format of LocoHub"
+    add("--strides", type=Path, metavar="FILE.parquet", help=text)
     add("--total-mass", type=float, metavar="KG", help="mass of wearer and device, for foot.load_bw")
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
     options.add(parser, "--no-pictures", "--json")
@@ -163,11 +165,12 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     """Run recorded joint angles through a gait table.
 
     Run the gait state machine on recorded angles and print the phases and transitions that follow. LOG
-    is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, or normative gait:
-    koopman@1.5 (speed in km/h) or winter.
+    is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, a .c3d file with joint
+    angles, a .parquet file of LocoHub, or normative gait: koopman@1.5 (speed in km/h) or winter.
     """
     from twin_gait.conventions import find_convention
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
+    from twin_gait.replay.foot_events import write_strides
     from twin_gait.replay.machine import replay_log
     from twin_gait.replay.recording import LogFormat
     from twin_gait.replay.writing import summarise_replay, write_replay
@@ -180,6 +183,8 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         units=arguments.units,
         time_unit=arguments.time_unit,
         cycle_time=arguments.cycle_time_s,
+        subject=arguments.subject,
+        task=arguments.task,
         **options.drop_none(max_gap=arguments.max_gap_s),
     )
     result = replay_log(
@@ -189,6 +194,11 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
         mass=arguments.total_mass,
     )
+    if arguments.strides is not None:
+        options.check_file("--strides", arguments.strides, force=arguments.force, form="parquet")
+        names = options.drop_none(subject=arguments.subject, task=arguments.task)
+        written = write_strides(result.recording, arguments.strides, **names)
+        print(f"{arguments.strides}: {written}", file=sys.stderr)
     if arguments.out is not None:
         write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = summarise_replay(result)

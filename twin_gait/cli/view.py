@@ -21,7 +21,7 @@ MODELS = (DEFAULT_CONVENTION, "rajagopal")
 # File name of each format in a run directory.
 NAMES = {
     "csv": "log.csv", "mot": "log.mot", "sto": "log.sto", "opensim": "opensim", "candump": "can.log",
-    "asc": "can.asc",
+    "asc": "can.asc", "locohub": "strides.parquet", "mcap": "log.mcap",
 }  # fmt: skip
 
 
@@ -51,7 +51,11 @@ def add_parser(commands: Any) -> None:
     add("--format", choices=tuple(NAMES), help="format (ending of --out; mot with --convention, else csv)")
     add("--convention", choices=MODELS, help=f"names and signs of a motion ({DEFAULT_CONVENTION})")
     add("--of", choices=("wearer", "device"), default="wearer", help="source of the angles (wearer)")
-    options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
+    options.add_out(
+        parser,
+        "PATH",
+        "file or folder to write (RUN/log.FORMAT, RUN/strides.parquet, RUN/can.log, RUN/opensim)",
+    )
 
 
 def view(arguments: argparse.Namespace) -> int:
@@ -181,16 +185,19 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Export a log as CSV, for OpenSim or for CAN tools.
+    """Export a run for other programs.
 
-    Write the log of a run directory as CSV with every column; its joint angles as a motion of OpenSim (.mot
-    in degrees, .sto in radians); a folder for OpenSim's inverse dynamics with model, motion, external loads,
-    set-up, and the joint moments to compare with; or the frames of its CAN network (candump's .log, Vector's
-    .asc), which the file of 'twin-gait device NAME --dbc FILE --table TABLE' decodes.
+    Write the log of a run directory as CSV or MCAP (.mcap) with every column; its joint angles as a motion of
+    OpenSim (.mot in degrees, .sto in radians); its strides in the format of LocoHub (.parquet); a folder for
+    OpenSim's inverse dynamics with model, motion, external loads, set-up, and the joint moments to compare
+    with; or the frames of its CAN network (candump's .log, Vector's .asc), which the file of 'twin-gait
+    device NAME --dbc FILE --table TABLE' decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.export.can import export_can, network_messages, run_frames
     from twin_gait.export.inverse_dynamics import MODEL_FILE, export_inverse_dynamics
+    from twin_gait.export.locohub import export_locohub
+    from twin_gait.export.mcap import export_mcap
     from twin_gait.export.motion import export_csv, export_motion
     from twin_gait.runs.folders import FolderKind, staged_directory
     from twin_gait.runs.record import load_run
@@ -211,8 +218,10 @@ def export(arguments: argparse.Namespace) -> int:
         folder_kind = FolderKind("a folder that this command has written", MODEL_FILE)
         with staged_directory(path, folder_kind, force=force) as staging:
             export_inverse_dynamics(run, staging, convention, device=device)
-    elif kind == "csv":
-        export_csv(run.log, path)
+    elif kind in ("csv", "mcap"):
+        {"csv": export_csv, "mcap": export_mcap}[kind](run.log, path)
+    elif kind == "locohub":
+        export_locohub(run, path)
     elif kind in ("mot", "sto"):
         unit = DEGREES if kind == "mot" else RADIANS
         export_motion(run.log, path, convention, unit=unit, device=device)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, create_model, model_validator
 
 from twin_gait.configuration.events import EventEntry
+from twin_gait.configuration.reference_file import ReferenceSection
 from twin_gait.configuration.sections import Section, register_section
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.sections import type_of as type_of
@@ -117,6 +118,7 @@ class ExperimentSection(Section):
     modes: dict[str, Any] | None = None
     own_gait: dict[str, Any] | None = None
     events: tuple[EventEntry, ...] = ()
+    reference: ReferenceSection | None = None
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
     controller: UserControllerSection | None = None
     provenance: dict[str, Any] | None = None

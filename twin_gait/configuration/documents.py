@@ -11,6 +11,7 @@ from typing import Any
 from twin_gait.configuration.custom_sections import user_controller_document
 from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
+from twin_gait.configuration.reference_file import reference_document
 from twin_gait.configuration.sections import section_of, to_yaml
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.experiment.own_gait import OwnGait
@@ -53,6 +54,8 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         document["own_gait"] = own_gait_document(experiment.own_gait)
     if experiment.controller is not None:
         document["controller"] = user_controller_document(experiment.controller)
+    if experiment.reference is not None:
+        document["reference"] = reference_document(experiment.reference)
     if experiment.events:
         document["events"] = events_document(experiment)
     return {

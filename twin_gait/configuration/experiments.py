@@ -23,6 +23,7 @@ from twin_gait.configuration.custom_sections import (
 from twin_gait.configuration.device_file import Device, list_devices, load_device, without_device
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
+from twin_gait.configuration.reference_file import convert_reference, resolve_reference
 from twin_gait.configuration.sections import known_sections
 from twin_gait.configuration.validation import (
     convert_with_context,
@@ -94,6 +95,8 @@ def experiment_from_mapping(
             found["own_gait"] = previous.experiment.own_gait
         else:
             found["own_gait"] = _own_gait(entry.own_gait, source)
+    if entry.reference is not None:
+        found["reference"] = convert_reference(entry.reference, source)
     if entry.controller is not None:
         found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
@@ -301,6 +304,9 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
             below = data.get("own_gait") or {}
             data["own_gait"] = {**below, **(_resolved_own_gait(value, path) or {})}
             continue
+        if keys == ["reference"]:
+            data["reference"] = resolve_reference(value, path, where)
+            continue
         whole = load_named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
         if whole is None:
             changes.append((keys, value))
@@ -338,13 +344,12 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
     for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():
             wearer.pop(side, None)  # effort and stiffness of a wearer's joints have no default
-    whole = {
-        key: data[key] for key in ("table", "modes", "own_gait", "controller") if data.get(key) is not None
-    }
+    named = ("table", "modes", "own_gait", "controller", "reference")
+    whole = {key: data[key] for key in named if data.get(key) is not None}
     typed = {
         key: value
         for key, value in data.items()
-        if key not in (*whole, "modes", "own_gait", "provenance", "leg")
+        if key not in (*whole, "modes", "own_gait", "reference", "provenance", "leg")
     }
     document = {**merge(defaults, typed), **whole}
     if experiment.network is not None and isinstance(document["network"], dict):
@@ -448,6 +453,8 @@ def _resolved(data: dict[str, Any], path: Path, device: Device | None = None) ->
         whole["patient"] = sections_of_person(person)["patient"]
     if "own_gait" in given:
         given["own_gait"] = _resolved_own_gait(given["own_gait"], path)
+    if "reference" in given:
+        given["reference"] = resolve_reference(given["reference"], path)
     base: dict[str, Any] = {}
     if (preset := data.get("preset")) is not None:
         below = _preset(preset) if isinstance(preset, str) else None

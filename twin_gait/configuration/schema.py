@@ -11,6 +11,7 @@ from pydantic import Field, create_model
 from twin_gait.configuration.custom_sections import section_of
 from twin_gait.configuration.device_file import SECTIONS, DeviceFile
 from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
+from twin_gait.configuration.reference_file import ReferenceFiles, ReferenceSection
 from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment.device import DeviceIdentity
 from twin_gait.experiment.experiment import Experiment
@@ -73,6 +74,7 @@ def _experiment() -> Any:
         own_gait=(name | own_gait | _table() | None, None),
         table=(name | _table(), ...),
         modes=(name | ModeTableFile | None, None),
+        reference=(name | list[name] | ReferenceFiles | ReferenceSection | None, None),
     )
 
 

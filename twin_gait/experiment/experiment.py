@@ -17,6 +17,7 @@ from twin_gait.experiment.device import (
 )
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
 from twin_gait.experiment.own_gait import OwnGait
+from twin_gait.experiment.reference_gait import ReferenceGait
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model.joints import BodySelection
@@ -143,6 +144,7 @@ class Experiment(Parameters):
         requests: Requests to the supervisor, with their times.
         controller: Record of a controller of the user's own, which replaces ``control.mode``, or None.
         events: Changes, pushes, steps by hand and emergency stops, in the order of their times.
+        reference: Measured gait with which the run is compared; None for Koopman et al. (2014).
     """
 
     name: str
@@ -167,6 +169,7 @@ class Experiment(Parameters):
     requests: Annotated[tuple[TimedRequest, ...], Notation(parse_request)] = ()
     controller: Annotated[UserController | None, CustomSerialized()] = None
     events: Annotated[tuple[Event, ...], CustomSerialized()] = ()
+    reference: Annotated[ReferenceGait | None, CustomSerialized()] = None
 
     def __post_init__(self) -> None:
         """Check the ranges, and that all parts fit each other."""

@@ -86,7 +86,10 @@ def export_inverse_dynamics(
     loads = _external_loads(run, world, pelvis, device) if pelvis else []
     tables = {
         MOTION_FILE: {**joint_angles(run.log, convention, DEGREES, device=device), **pelvis},
-        MOMENTS_FILE: _joint_moments(run, world, convention, device),
+        MOMENTS_FILE: {
+            f"{convention.columns[key]}_moment": convention.signs.get(key[1], 1.0) * moment
+            for key, moment in joint_moments(run, world, device=device).items()
+        },
     }
     content = {"name": name, "gravity": run.experiment.plant.gravity, "time": time, "loads": loads}
     pages = [MODEL_FILE, SETUP_FILE]
@@ -187,19 +190,23 @@ def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
     return dict(zip(PELVIS_COORDINATES, (still, *coordinates), strict=True))
 
 
-def _joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
-    """Compute the moments in [N·m] at the joints of the written bodies, with OpenSim's names and signs."""
+def joint_moments(
+    run: Run, world: World, *, device: bool = False
+) -> dict[tuple[Side, JointName], np.ndarray]:
+    """Compute the moments at all joints of the wearer or, with braces and ``device``, of the device.
+
+    Returns the moments in [N·m] at every tick, positive in flexion and dorsiflexion, shape ``(n,)`` each.
+    """
     moments = {}
     for side, joint in ((side, joint) for side, leg in world.model.legs.items() for joint, _ in leg.items()):
-        device_moment, log = _device_moment(run, world, side, joint), run.log
+        driving, log = device_moment(run, world, side, joint), run.log
         brace = f"{side}_{joint}_brace_torque_Nm"
         if world.braces is not None and device:
-            moment = device_moment - log[brace]
+            moment = driving - log[brace]
         else:
             wearers = _wearer_moment(run, f"{side}_{joint}")
-            moment = wearers + (device_moment if world.braces is None else log[brace])
-        name = f"{convention.columns[side, joint]}_moment"
-        moments[name] = convention.signs.get(joint, 1.0) * np.asarray(moment)
+            moment = wearers + (driving if world.braces is None else log[brace])
+        moments[side, joint] = np.asarray(moment)
     return moments
 
 
@@ -214,7 +221,7 @@ def _wearer_moment(run: Run, name: str) -> Any:
     return log.get(f"{name}_own_torque_Nm", 0.0) + log.get(f"{name}_passive_torque_Nm", 0.0)
 
 
-def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
+def device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
     """Compute the moment of the device at a joint in [N·m].
 
     It is the sum of motor, friction, stop and orthosis minus the torque that accelerates the rotor; without a

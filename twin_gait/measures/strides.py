@@ -75,16 +75,17 @@ def values_in_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.concatenate([signal[:0], *(signal[start:end] for start, end in walks)])
 
 
-def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def normalise_strides(signal: np.ndarray, bounds: np.ndarray, percent: np.ndarray = PERCENT) -> np.ndarray:
     """Bring every stride to the same length by linear interpolation.
 
-    ``signal``: one value a tick, any unit, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`.
-    Returns the signal at ``PERCENT`` of every stride, shape ``(n_strides, 101)``.
+    ``signal``: one value a tick, any unit, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`;
+    ``percent``: instants in [%] of the stride, from 0 to 100, shape ``(m,)``. Returns the signal at these
+    instants of every stride, shape ``(n_strides, m)``.
     """
     if len(bounds) == 0:
-        return np.zeros((0, len(PERCENT)))
+        return np.zeros((0, len(percent)))
     start, end = bounds[:, :1], bounds[:, 1:]
-    positions = start + PERCENT / PERCENT[-1] * (end - start)
+    positions = start + percent / percent[-1] * (end - start)
     before = positions.astype(int)
     # The result is that of ``np.interp``, which reads the whole signal and takes three times as long.
     values, after = signal[before], signal[before + (positions > before)]

@@ -204,7 +204,7 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
     """Read the recording, and its experiment if it belongs to a run."""
     path = Path(log).expanduser()
     if is_normative(log):
-        if log_format != LogFormat():
+        if replace(log_format, subject=None, task=None) != LogFormat():
             text = "is not a log; leave columns, units, convention, gaps and the time of a cycle out"
             raise ParameterError(f"{log}: {text}")
         return normative_walk(log), None

@@ -14,10 +14,12 @@ from twin_gait.conventions import CONVENTIONS, DEGREES, OWN_CONVENTION, RADIANS,
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
-from twin_gait.measures import reference
+from twin_gait.measures import locohub, reference
 from twin_gait.parameters.quantities import POSITIVE, require
 from twin_gait.parameters.wearer import Patient
 from twin_gait.replay.samples import LONGEST_GAP, Recording, repeat_stride, resample_to_ticks
+from twin_gait.replay.stride_recording import read_stride_recording
+from twin_gait.runs.c3d_files import OFF, STRIKE
 from twin_gait.runs.column_units import ANGLES, FORCES, TIMES, find_unit, plain_name, split_heading
 from twin_gait.runs.log_files import LogTable, parse_number, read_log_table
 from twin_gait.vocabulary import JointName, Side
@@ -60,6 +62,8 @@ class LogFormat:
     max_gap: float = LONGEST_GAP  # longest gap that is interpolated in [s]
     # duration of the stride in [s], if the log is one stride with its time as a share; the stride is repeated
     cycle_time: float | None = None
+    subject: str | None = None  # person, if a C3D or LocoHub file has several
+    task: str | None = None  # task or task_id, if a LocoHub file has several
 
     def __post_init__(self) -> None:
         """Check names, units and numbers."""
@@ -77,13 +81,23 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     """Read a recorded walk.
 
     ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or with any columns whose
-    names are given; or a .mot or .sto file of OpenSim. ``log_format``: columns, units and signs of the file.
-    If the file is the log of a run whose legs were held by a trip, the part before the trip is read.
+    names are given; a .mot or .sto file of OpenSim; a .c3d file with the angles of a model; or a .parquet
+    file with strides of LocoHub. ``log_format``: columns, units and signs of the file. If the file is the
+    log of a run whose legs were held by a trip, the part before the trip is read.
 
     Returns the walk at the ticks of the controller, in the signs of this package. Raises ParameterFileError
     if the file has a mistake; the message names file, column and remedy.
     """
-    table, log_format = read_log_table(path), log_format or LogFormat()
+    log_format = log_format or LogFormat()
+    if path.suffix.lower() == ".parquet" and locohub.is_locohub(path):
+        plain = LogFormat(cycle_time=log_format.cycle_time, subject=log_format.subject, task=log_format.task)
+        if log_format != plain:
+            text = "has the columns, units and signs of LocoHub; leave those of the log and its gaps out"
+            raise ParameterFileError(path, "", text)
+        return read_stride_recording(
+            path, subject=plain.subject, task=plain.task, cycle_time=plain.cycle_time
+        )
+    table = read_log_table(path, log_format.subject)
     if "safety_state" in table:  # after a trip no guard switches the legs
         held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
         table = replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
@@ -93,7 +107,7 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
             "(flexion negative) or rajagopal (flexion positive)"
         )
         raise ParameterFileError(table.source, "convention", text)
-    convention = log_format.convention or OWN_CONVENTION
+    convention = log_format.convention or table.convention or OWN_CONVENTION
     found = _find_columns(table, log_format, convention)
     table, time = _drop_repeated_rows(table, *_read_time(table, found, log_format))
 
@@ -112,7 +126,21 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     phases = {side: table.texts(found[name][0]) for side, name in _PHASES.items() if name in found}
     device = {signal.name: values(name) for name, signal in _DEVICE_QUANTITIES.items() if name in found}
     warnings = (*table.notices, *_unit_notices(table, found, log_format))
-    recording = Recording(table.source, 0.0, angles, loads, phases, device, warnings=warnings)
+    strikes, offs = (
+        {side: times for (side, kind), times in table.events.items() if kind == wanted}
+        for wanted in (STRIKE, OFF)
+    )
+    recording = Recording(
+        table.source,
+        0.0,
+        angles,
+        loads,
+        phases,
+        device,
+        warnings=warnings,
+        foot_strikes=strikes,
+        foot_offs=offs,
+    )
     if log_format.cycle_time is not None:
         recording, time = repeat_stride(recording, time, log_format.cycle_time, STRIDES)
     return resample_to_ticks(recording, time, max_gap=log_format.max_gap)
@@ -141,6 +169,11 @@ def _find_columns(table: LogTable, log_format: LogFormat, convention: Convention
         way_out = "name the columns with --columns, or choose one of --convention"
         advice = f"{way_out} {', '.join(CONVENTIONS)}; there are {table.format_column_names()}"
         text = f"has none of {names}; {advice}"
+        if table.without_angles:
+            there = (
+                f"or name the points of another model with --columns; there are {table.format_column_names()}"
+            )
+            text = f"{table.without_angles}; {there}"
         raise ParameterFileError(table.source, "", text)
     users = dict[str, str]()
     for quantity, (name, sign) in found.items():

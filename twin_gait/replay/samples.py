@@ -20,7 +20,7 @@ LARGEST_ANGLE = 180.0  # [deg]; a larger angle means that degrees were read as r
 # Genu recurvatum is a hyperextension of 5° and more, rarely beyond 15°. Up to 30° it is a warning.
 HYPEREXTENDED, FURTHEST_BACKWARDS = 15.0, 30.0  # [deg]
 LEAST_HIP_RANGE = 5.0  # [deg]; the range of the hip in the reference at 0.5 km/h is 26°
-_CLOSED = 10.0  # [deg] between the ends of one stride; the ends of strides in a walk differ by less
+CLOSED = 10.0  # [deg] between the ends of one stride; the ends of strides in a walk differ by less
 _MISSING_ROWS, _SHORT_STEP = 1.5, 0.02  # in median steps and in [s]; a step that is longer than both is a gap
 
 
@@ -58,6 +58,9 @@ class Recording:
     fast_time_constant: float = field(default_factory=_time_constant_of_twin)  # of the velocity filter in [s]
     gaps: tuple[Gap, ...] = ()  # gaps that were interpolated
     warnings: tuple[str, ...] = ()  # doubtful properties of the log, one line each
+    # recorded times of foot strikes and foot offs in [s], ascending
+    foot_strikes: Mapping[Side, np.ndarray] = field(default_factory=dict)
+    foot_offs: Mapping[Side, np.ndarray] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -136,7 +139,7 @@ def repeat_stride(
     open_ended = [
         f"the {side} {joint} ends {degrees:.0f} deg from its start: use a log of exactly one stride"
         for (side, joint), values in samples.angles.items()
-        if (degrees := abs(np.degrees(values[-1] - values[0]))) > _CLOSED
+        if (degrees := abs(np.degrees(values[-1] - values[0]))) > CLOSED
     ]
     repeated = _replace_signals(samples, {name: values[rows] for name, values in columns.items()}, rows)
     text = f"one stride of {cycle_time:g} s was repeated {strides} times"

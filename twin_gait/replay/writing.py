@@ -16,7 +16,10 @@ from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.labels import label_of
 from twin_gait.measures.phases import phase_entries, phase_spells
+from twin_gait.measures.reference import CYCLE
+from twin_gait.measures.strides import stride_times, swing_shares
 from twin_gait.palette import JOINT_COLOURS
+from twin_gait.replay.foot_events import LONGEST_STRIDE, SHORTEST_STRIDE, foot_strikes, walking_strides
 from twin_gait.replay.machine import Replay
 from twin_gait.replay.samples import LEAST_HIP_RANGE
 from twin_gait.report import canvas
@@ -25,13 +28,11 @@ from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.report.state_diagram import name_to_words
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, format_switches_csv
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
 SHOWN_TICKS = 6000
-# The stride of a sprinter lasts 0.4 s; the slowest steps of an exoskeleton's wearer last some seconds each.
-STRIDE_TIMES = (0.4, 10.0)  # [s]
 # Distance of the hip between the ends of a stride over its range in the stride; walking has a smaller one.
 OPEN_SHARE = 0.5
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
@@ -52,21 +53,55 @@ def stride_phases(phases: np.ndarray) -> list[Stride]:
     ]
 
 
-def phase_onsets(phases: np.ndarray) -> dict[int, np.ndarray]:
+def phase_onsets(phases: np.ndarray, bounds: np.ndarray | None = None) -> dict[int, np.ndarray]:
     """Compute the instants at which phases begin in the strides of a leg, in per cent of the stride.
 
-    ``phases``: index of the phase at each tick, shape ``(n,)``. Returns, for each phase that occurs in a
-    stride, one value for each stride that has it; if a phase occurs twice in a stride, its first entry
-    counts.
+    ``phases``: index of the phase at each tick, shape ``(n,)``. ``bounds``: first tick of each stride and of
+    the next one, shape ``(m, 2)``; None for the strides of :func:`stride_phases`. Returns, for each phase
+    that begins in a stride, one value for each stride in which it does; if it begins twice in a stride, its
+    first entry counts.
     """
-    strides, onsets = stride_phases(phases), dict[int, np.ndarray]()
-    starts, ends = np.array([item[:2] for item in strides], dtype=int).reshape(-1, 2).T
-    for phase in sorted({phase for _, _, passed in strides for phase in passed}):
+    if bounds is None:
+        bounds = np.array([item[:2] for item in stride_phases(phases)], dtype=int).reshape(-1, 2)
+    onsets, (starts, ends) = dict[int, np.ndarray](), bounds.T
+    for phase in np.unique(phases).tolist():
         entries = phase_entries(phases, phase)
+        entries = entries[entries > 0]  # tick 0 is no entry
         first = np.append(entries, len(phases))[np.searchsorted(entries, starts)]
         within = first < ends
-        onsets[phase] = 100.0 * ((first - starts) / (ends - starts))[within]
+        if within.any():
+            onsets[phase] = CYCLE * ((first - starts) / (ends - starts))[within]
     return onsets
+
+
+def _describe(values: np.ndarray) -> dict[str, Any]:
+    """Return mean, sample standard deviation and number of values of strides."""
+    sd = float(values.std(ddof=1)) if len(values) > 1 else None
+    return {"mean": float(values.mean()), "sd": sd, "strides": len(values)}
+
+
+def _unwrap(percent: np.ndarray) -> np.ndarray:
+    """Return instants in [%] of cycles such that 99 % and 1 % are 2 % apart; their mean is in [0, 100)."""
+    turns = percent / CYCLE
+    centre = np.angle(np.exp(2j * np.pi * turns).mean()) / (2.0 * np.pi) % 1.0
+    return np.asarray(CYCLE * (centre + (turns - centre + 0.5) % 1.0 - 0.5))
+
+
+def recorded_strides(result: Replay, side: Side) -> dict[str, Any] | None:
+    """Summarise the strides between recorded foot strikes; None if none were recorded."""
+    recording = result.recording
+    if side not in recording.foot_strikes:
+        return None
+    bounds = walking_strides(foot_strikes(recording, side)[0])
+    offs = np.rint((recording.foot_offs.get(side, np.zeros(0)) - recording.start) / TICK)
+    stance = CYCLE * (1.0 - swing_shares(bounds, offs))
+    stance = stance[np.isfinite(stance)]
+    names, onsets = result.table.phase_names, phase_onsets(result.phases[side], bounds)
+    return {
+        "stride_time_s": _describe(stride_times(bounds, TICK)) if len(bounds) else None,
+        "foot_off_percent": _describe(stance) if len(stance) else None,
+        "phase_onset_percent": {names[phase]: _describe(_unwrap(item)) for phase, item in onsets.items()},
+    }
 
 
 def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
@@ -77,7 +112,7 @@ def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
     lasts = np.array([TICK * (end - start) for start, end, _ in strides])
     moves = np.array([np.ptp(np.degrees(hip[start : end + 1])) for start, end, _ in strides])
     ends = np.array([abs(np.degrees(hip[end] - hip[start])) for start, end, _ in strides])
-    shortest, longest = STRIDE_TIMES
+    shortest, longest = SHORTEST_STRIDE, LONGEST_STRIDE
     found = {
         f"shorter than {shortest:g} s": lasts < shortest,
         f"longer than {longest:g} s": lasts > longest,
@@ -123,13 +158,9 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
             "strides_with_the_whole_cycle": sum(passed in cycles for _, _, passed in strides),
             "stride_time_mean_s": mean,
             "phase_onset_percent": {
-                str(names[phase]): {
-                    "mean": float(values.mean()),
-                    "sd": float(values.std(ddof=1)) if len(values) > 1 else None,
-                    "strides": len(values),
-                }
-                for phase, values in phase_onsets(phases).items()
+                str(names[phase]): _describe(values) for phase, values in phase_onsets(phases).items()
             },
+            "recorded_strides": recorded_strides(result, side),
             "switches": [
                 {"from": source, "to": target, "cause": cause, "count": count}
                 for (_, source, target, cause), count in sorted(counts.items())

@@ -34,7 +34,7 @@ from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE
 from twin_gait.report.failures import format_error
 from twin_gait.report.formatting import describe_wearer
 from twin_gait.report.pages import FIGURES_FOLDER, render
-from twin_gait.report.reference import reference_cycle
+from twin_gait.report.reference import reference_cycle, reference_label
 from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
@@ -391,7 +391,7 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
 
 
 def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: Mapping[str, str]) -> Figure:
-    """Draw mean strides of several walks and of a healthy one, with a panel for each joint of a leg.
+    """Draw mean strides of several walks and of the reference, with a panel for each joint of a leg.
 
     ``runs``: runs of an experiment by name; ``colours``: their colours. A run without a counted stride has no
     curve.
@@ -411,7 +411,7 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
         reference = reference_cycle(experiment, joint)
         if reference is not None:
             draw_cycle_curve(axes, np.degrees(reference), **healthy)
-            shown["healthy, same speed"] = healthy
+            shown[reference_label(experiment)] = healthy
         style_panel(axes, label_of(f"{side}_{joint}_angle_rad").title, "")
     if shown:
         put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])

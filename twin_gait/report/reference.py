@@ -1,4 +1,4 @@
-"""Healthy reference walk of a run."""
+"""Reference walk of a run: measured gait that the experiment names, or that of a regression."""
 
 from __future__ import annotations
 
@@ -27,6 +27,8 @@ def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | No
 
     Returns angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
     """
+    if experiment.reference is not None:
+        return experiment.reference.angles(joint)
     walk = _reference_walk(experiment)
     return None if walk is None else _cycle(joint, *walk)
 
@@ -37,6 +39,16 @@ def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
     curve = reference.reference_curve(joint, PERCENT, speed=speed, height=height)
     curve.setflags(write=False)
     return curve
+
+
+def reference_label(experiment: Experiment) -> str:
+    """Return the name of the reference angles for the legend of a figure."""
+    return "healthy, Koopman (2014)" if experiment.reference is None else experiment.reference.source
+
+
+def reference_deviation(experiment: Experiment, joint: JointName) -> np.ndarray | None:
+    """Return the standard deviation of the reference angles of a joint in [rad]; None if it is not known."""
+    return None if experiment.reference is None else experiment.reference.deviation(joint)
 
 
 def reference_ground_force(experiment: Experiment) -> reference.GroundForce | None:
@@ -51,25 +63,28 @@ def reference_ground_force(experiment: Experiment) -> reference.GroundForce | No
 def reference_measures(experiment: Experiment) -> dict[str, float]:
     """Return the measures of the reference walk, named as in :func:`twin_gait.measures.walk.walk_measures`.
 
-    Angles and time are from Koopman et al. (2014), forces from Winter (1991). In steady walking the mean
-    fore-aft force and the power of the belt are zero. Measures without a reference are left out; the result
-    is empty without a reference walk.
+    Angles and time are from Koopman et al. (2014) or from the measured gait of the experiment, forces from
+    Winter (1991). In steady walking the mean fore-aft force and the power of the belt are zero. Measures
+    without a reference are left out.
     """
-    walk, force = _reference_walk(experiment), reference_ground_force(experiment)
-    if walk is None or force is None:
-        return {}
-    time = reference.reference_cycle_time(*walk)
-    hip, knee, ankle = (_cycle(joint, *walk) for joint in JointName)
-    return {
-        "stride_time_s": time,
-        "cadence_per_min": cadence(np.array([time])),
-        "step_length_m": 0.5 * walk[0] * time,
-        "load_peak": float(force.vertical.max()),
-        **load_measures(force.vertical),
-        **fore_aft_peaks(force.forward),
-        "fore_aft_force_N": 0.0,
-        "belt_power_W": 0.0,
-        "hip_lowest_deg": math.degrees(hip.min()),
-        **knee_shape(knee),
-        "ankle_range_deg": math.degrees(np.ptp(ankle)),
-    }
+    walk, measured, found = _reference_walk(experiment), experiment.reference, dict[str, float]()
+    time = (
+        measured.cycle_time if measured else None if walk is None else reference.reference_cycle_time(*walk)
+    )
+    if time is not None:
+        found |= {"stride_time_s": time, "cadence_per_min": cadence(np.array([time]))}
+    if walk is not None and measured is None:
+        found["step_length_m"] = 0.5 * walk[0] * found["stride_time_s"]
+    force = reference_ground_force(experiment)
+    if force is not None:
+        found["load_peak"] = float(force.vertical.max())
+        found |= load_measures(force.vertical) | fore_aft_peaks(force.forward)
+        found |= {"fore_aft_force_N": 0.0, "belt_power_W": 0.0}
+    hip, knee, ankle = (reference_cycle(experiment, joint) for joint in JointName)
+    if hip is not None:
+        found["hip_lowest_deg"] = math.degrees(hip.min())
+    if knee is not None:
+        found |= knee_shape(knee)
+    if ankle is not None:
+        found["ankle_range_deg"] = math.degrees(np.ptp(ankle))
+    return found

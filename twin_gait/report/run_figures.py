@@ -37,7 +37,12 @@ from twin_gait.report.canvas import (
     shown_strides,
     style_panel,
 )
-from twin_gait.report.reference import reference_cycle, reference_ground_force
+from twin_gait.report.reference import (
+    reference_cycle,
+    reference_deviation,
+    reference_ground_force,
+    reference_label,
+)
 from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 
@@ -70,7 +75,10 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
         title = f"{record.side} {joint}, {describe_stride_count(len(bounds), len(record.strides(skip=0)))}"
         reference = reference_cycle(run.experiment, joint)
         if reference is not None:
-            _draw_healthy(sheet, axes, np.degrees(reference), "Koopman (2014)")
+            _draw_reference(sheet, axes, np.degrees(reference), reference_label(run.experiment))
+            spread = reference_deviation(run.experiment, joint)
+            if spread is not None:
+                _draw_deviation(sheet, axes, np.degrees(reference), np.degrees(spread))
             title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
         axes.set_title(title, fontsize="medium")
         axes.label_outer()
@@ -86,8 +94,15 @@ def _draw_mean_and_range(sheet: RunFigure, axes: Axes, cycles: np.ndarray) -> No
     sheet.lines += [*mean, spread]
 
 
-def _draw_healthy(sheet: RunFigure, axes: Axes, cycle: np.ndarray, source: str) -> None:
-    sheet.lines += draw_cycle_curve(axes, cycle, **REFERENCE_STYLE, label=f"healthy, {source}")
+def _draw_reference(sheet: RunFigure, axes: Axes, cycle: np.ndarray, label: str) -> None:
+    sheet.lines += draw_cycle_curve(axes, cycle, **REFERENCE_STYLE, label=label)
+
+
+def _draw_deviation(sheet: RunFigure, axes: Axes, mean: np.ndarray, spread: np.ndarray) -> None:
+    """Draw the band of one standard deviation of the reference, shape ``(101,)``."""
+    style: dict[str, Any] = {"color": REFERENCE_COLOUR, "alpha": 0.2, "linewidth": 0}
+    label = "reference ± SD"
+    sheet.lines.append(axes.fill_between(PERCENT, mean - spread, mean + spread, label=label, **style))
 
 
 def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
@@ -114,7 +129,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
             axes.axhline(1.0 - number, color=palette.LIMIT_COLOUR, linestyle=":", linewidth=1.2)
             _draw_mean_and_range(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
             if healthy is not None:
-                _draw_healthy(sheet, axes, healthy[number], "Winter (1991)")
+                _draw_reference(sheet, axes, healthy[number], "healthy, Winter (1991)")
         draw_cycle_curve(column[2], cop_curve(cop, load, bounds), color=BLACK, linewidth=1.8)
         for axes in column:
             axes.label_outer()

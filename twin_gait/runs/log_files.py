@@ -1,4 +1,4 @@
-"""Reader of log files as columns: parquet, motion files of OpenSim (.mot, .sto) and any table of text.
+"""Reader of log files as columns: parquet, C3D, motion files of OpenSim (.mot, .sto) and any table of text.
 
 The header of a motion file states ``nRows``, ``nColumns`` and ``inDegrees`` as ``key=value``; files of the
 older SIMM form state no unit. Several columns may have the same name.
@@ -11,7 +11,8 @@ import math
 import re
 import warnings
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,9 +20,10 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from twin_gait.conventions import DEGREES, RADIANS
+from twin_gait.conventions import DEGREES, PLUG_IN_GAIT, RADIANS, Convention
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_bytes, read_parquet, require_table_size
+from twin_gait.runs.c3d_files import INVERSE_KINEMATICS, Events, read_c3d
 from twin_gait.runs.text_layout import (
     BLANKS,
     detect_encoding,
@@ -48,6 +50,9 @@ class LogTable:
     opensim: bool = False  # whether it is a motion file of OpenSim
     decimal: str = "."  # decimal mark
     notices: tuple[str, ...] = ()  # accepted deviations from the format, one line each
+    convention: Convention | None = None  # names and signs of the angles, if the format has its own
+    events: Events = field(default_factory=dict)  # foot strikes and foot offs, if the file has them
+    without_angles: str = ""  # meaning of a file without joint angles, if the format often has none
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,20 +123,30 @@ def parse_number(cell: Any, decimal: str = ".") -> float:
         return math.nan
 
 
-def read_log_table(path: Path) -> LogTable:
+def read_log_table(path: Path, subject: str | None = None) -> LogTable:
     """Read a log file in the format that the ending of its name states.
 
-    Raises ParameterFileError if there is no such file, the format is unknown or the file is not valid.
+    ``subject``: person, if a C3D file has several. Raises ParameterFileError if there is no such file, the
+    format is unknown or the file is not valid.
     """
     readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet}
     readers |= dict.fromkeys((".csv", ".tsv", ".txt"), read_text_table)
     readers |= dict.fromkeys((".mot", ".sto"), _read_storage)
+    readers[".c3d"] = partial(_read_trial, subject=subject)
     reader = readers.get(path.suffix.lower())
     if not path.is_file():
         raise ParameterFileError(path, "", "there is no such log; expected a run directory or a file")
+    if path.suffix.lower() == ".trc":
+        raise ParameterFileError(path, "", INVERSE_KINEMATICS)
     if reader is None:
         raise ParameterFileError(path, "", f"unknown format; expected one of {', '.join(readers)}")
     return reader(path)
+
+
+def _read_trial(path: Path, subject: str | None) -> LogTable:
+    trial = read_c3d(path, subject)
+    known: dict[str, Any] = {"convention": PLUG_IN_GAIT, "without_angles": INVERSE_KINEMATICS}
+    return LogTable(str(path), trial.frame, trial.unit, events=trial.events, **known)
 
 
 def _read_parquet(path: Path) -> LogTable:

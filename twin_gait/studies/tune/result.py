@@ -111,13 +111,13 @@ def result_document(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, A
     """Return the content of ``tune.json`` without the findings of the check."""
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.initial
     speed, generations = walking_wearer(experiment)[0].speed, tuning.generations
-    names = list(tuning.search_cases)
+    names, measured = list(tuning.search_cases), experiment.reference
     return {
         "schema_version": OUTCOME_VERSION,
         "experiment": experiment.name,
         "wearer": wearer,
         "belt_speed_m_per_s": speed,
-        "reference": _REFERENCE.format(speed * KILOMETRES_PER_HOUR),
+        "reference": measured.source if measured else _REFERENCE.format(speed * KILOMETRES_PER_HOUR),
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
         "found_better": after.points is not None,
