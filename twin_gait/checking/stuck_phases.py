@@ -52,7 +52,10 @@ def _finding(leg: HangingLeg, phase: str, rest: Rest, in_motion: bool, reason: s
     """
     severity = Severity.WARNING if in_motion else Severity.ERROR
     way = ", though it can open on the way" if in_motion else ", and it did not open on the way"
-    suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
+    suggestion = (
+        "move the equilibrium beyond the threshold of an exit, or raise the stiffness; declare driven_by: "
+        "contact on an exit that contact with the ground opens"
+    )
     if in_contact(leg, phase):
         severity, way = Severity.WARNING, ""
         suggestion = (

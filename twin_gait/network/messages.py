@@ -139,5 +139,5 @@ def message_designs(boards: Collection[str], phases: Sequence[str] = ()) -> dict
             )
     codes, state = phase_codes(phases), DEVICE_MESSAGES["gait_state"]
     named = {f"{side}_phase": replace(state.signals[f"{side}_phase"], names=codes) for side in Side}
-    found |= DEVICE_MESSAGES | {"gait_state": replace(state, signals=state.signals | named)}
+    found |= DEVICE_MESSAGES | {"gait_state": replace(state, signals={**state.signals, **named})}
     return dict(sorted(found.items(), key=lambda item: item[1].identifier))
