@@ -97,7 +97,7 @@ def describe_supply_loss(loss: Mapping[str, Any]) -> str:
 
 
 def extrapolation_note(summary: Mapping[str, Any]) -> str:
-    """Return sentences about the wearer if the model is extrapolated; otherwise an empty string.
+    """Return sentences if wearer or walk are outside of the range of the model; otherwise an empty string.
 
     ``summary``: summary of a run; those of earlier versions lack the notes.
     """

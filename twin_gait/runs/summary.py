@@ -21,7 +21,7 @@ from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, normalise_strides, symmetry_index
 from twin_gait.report.formatting import describe
-from twin_gait.report.reference import reference_measures
+from twin_gait.report.reference import reference_measures, reference_notes
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error, saturated_shares
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -96,7 +96,8 @@ def describe_identity(experiment: Experiment) -> dict[str, Any]:
     if patient is not None:
         wearer = {**asdict(identify_wearer(patient)), "mass_kg": patient.mass, "height_m": patient.height}
         wearer["name"] = patient.name
-        wearer["notes"] = " ".join(wearer_notes(patient, experiment.leg.heaviest_wearer))
+        notes = wearer_notes(patient, experiment.leg.heaviest_wearer)
+        wearer["notes"] = " ".join([*notes, *reference_notes(experiment)])
     parts = {key: asdict(part) for key, part in identify_parts(experiment).items()}
     if controller is not None:
         parts["controller"] |= controller.summary
