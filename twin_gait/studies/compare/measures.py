@@ -90,7 +90,7 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     device, velocity, voluntary, flowing = (
         strides.values_in_strides(values, leg.strides)
         for values in (
-            _device_torque(leg.log, f"{side}_{joint}", actuator.armature),
+            device_torque(leg.log, f"{side}_{joint}", actuator.armature),
             leg.wearer_joint_velocity(joint),
             leg.column(joint, "voluntary_torque_Nm"),
             leg.column(joint, "measured_current_A"),
@@ -110,7 +110,7 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     }
 
 
-def _device_torque(log: LogColumns, name: str, rotor_inertia: float) -> np.ndarray:
+def device_torque(log: LogColumns, name: str, rotor_inertia: float) -> np.ndarray:
     """Return the torque of the device on the wearer.
 
     With braces, it is the torque of the brace; otherwise the torque of the motor behind the gear.
