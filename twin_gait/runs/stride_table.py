@@ -1,5 +1,7 @@
 """Table of strides of a run: one row for each stride and side; the content of ``strides.csv``."""
 
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from twin_gait.files import to_json_value
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.runs.leg_strides import LegStrides
 from twin_gait.simulation.run import Run
+from twin_gait.yaml12 import load_yaml
 
 STRIDES_FILE = "strides.csv"
 # Columns that identify a row; all other columns are quantities.
@@ -20,6 +23,14 @@ STRIDE_LOG_COLUMNS = (
     "_measured_angle_rad", "_equilibrium_rad", "_stiffness_Nm_per_rad", "_friction_torque_Nm",
     "_brace_torque_Nm", "_wearer_velocity_rad_per_s",
 )  # fmt: skip
+
+
+@cache
+def column_meanings() -> dict[str, dict[str, str]]:
+    """Return the meaning of every column by the object to which it belongs, and by its name."""
+    text = Path(__file__).with_name("stride_columns.yaml").read_text(encoding="utf-8")
+    found: dict[str, dict[str, str]] = load_yaml(text)
+    return found
 
 
 def stride_table(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> pd.DataFrame:
