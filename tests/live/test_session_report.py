@@ -202,6 +202,13 @@ def test_a_walk_without_ground_and_without_a_name_has_a_report(tmp_path):
     assert any(row[0] == "stride time [s], right" for row in cells(page))
 
 
+def test_a_walk_without_a_stride_has_a_report(tmp_path):
+    loaded = load_experiment("treadmill", [*PERSON, "duration_s=1"])
+    record_session(tmp_path / "record", simulate(loaded.experiment), loaded.document, tmp_path / "run", [])
+    page = session_report(tmp_path / "record", 1)
+    assert states(page, "P03", "1 s in 1 walk: too short to judge") and "data:image" not in page
+
+
 def test_a_stop_and_a_push_are_listed(tmp_path):
     events = (
         "[{time_s: 2, push: {joint: left_knee, torque_Nm: 12, duration_ms: 100}}, {time_s: 5, stop: true}]"

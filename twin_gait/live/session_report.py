@@ -21,6 +21,7 @@ from twin_gait.labels import label_of
 from twin_gait.leg_model.anthropometry import wearer_notes
 from twin_gait.live.controls import EVERYTHING, ControlPanel
 from twin_gait.live.protocol import Control
+from twin_gait.live.session_strides import WORK_SHARE
 from twin_gait.live.session_walks import SessionWalks, find_previous, read_walks_of
 from twin_gait.measures.outcome import EventKind
 from twin_gait.measures.strides import normalise_strides
@@ -33,7 +34,7 @@ from twin_gait.vocabulary import JointName, Side
 
 MOST_CHANGES, MOST_CONDITIONS = 10, 5  # rows and columns for which one page is large enough
 MOST_NAMES = 4  # parameters that a sentence lists
-COURSE = ("stride_time_s", "knee_error_total_deg", "wearer_work_share")  # measures in the picture over time
+COURSE = ("stride_time_s", "knee_error_total_deg", WORK_SHARE)  # measures in the picture over time
 
 
 def session_report(records: Path, session: int) -> str:

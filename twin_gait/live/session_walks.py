@@ -16,7 +16,7 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.labels import label_of
 from twin_gait.live.journal import read_walks
 from twin_gait.live.session_records import RUNNING, SessionError, list_sessions, read_session
-from twin_gait.live.session_strides import Condition, conditions_of, strides_by_condition
+from twin_gait.live.session_strides import WORK_SHARE, Condition, conditions_of, strides_by_condition
 from twin_gait.runs.folders import journal_path
 from twin_gait.runs.record import load_run
 from twin_gait.simulation.run import Run
@@ -57,9 +57,15 @@ class SessionWalks:
 
     @property
     def keys(self) -> list[str]:
-        """Keys of the measures of the strides."""
-        others = ("condition", "side", "start_s", "settled", "time_s", "walk")
-        return [str(name) for name in self.strides.columns if name not in others]
+        """Keys of the measures of the strides on the page."""
+        joints = dict.fromkeys(joint for record in self.runs[0].leg_records() for joint in record.angles)
+        keys = (
+            "stride_time_s",
+            "swing_share",
+            "load_peak",
+            *(f"{joint}_error_total_deg" for joint in joints),
+        )
+        return [key for key in (*keys, WORK_SHARE) if key in self.strides]
 
     def cell(self, condition: int, side: str, key: str) -> tuple[float, float, int]:
         """Return mean, standard deviation and count of a measure in its display unit; NaN without values."""
