@@ -732,13 +732,14 @@ def test_saved_settings_are_an_experiment_file_with_the_name_of_the_patient(fini
     _, responses, folder = finished
     first, second = (Path(responses[name].value) for name in ("settings", "again"))
     assert re.fullmatch(r"P03-\d{4}-\d\d-\d\d\.yaml", first.name) and first.parent == folder
-    assert second.name == f"{first.stem}-2.yaml" and first.stat().st_mode & 0o077 == 0
+    assert second.name == f"{first.stem}-2.yaml"
     assert states(responses["settings"].text, f"twin-gait live {first}")
     opened = load_experiment(first).experiment
     assert opened.table.phases == responses["table"].phases and opened.patient.name == "P03"
     assert responses["path"].response == "refused" and states(responses["path"].text, "patient", "../P03")
     (entry,) = list_sessions(folder / "sessions")
-    assert entry["patient"] == "P03"
+    assert entry["patient"] == "P03" and entry["id"] == finished[0].number
+    assert str(entry["id"]) in finished[0].report_command
 
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):
