@@ -735,7 +735,7 @@ def test_saved_settings_are_an_experiment_file_with_the_name_of_the_patient(fini
     assert second.name == f"{first.stem}-2.yaml"
     assert states(responses["settings"].text, f"twin-gait live {first}")
     opened = load_experiment(first).experiment
-    assert opened.table.phases == responses["table"].phases and opened.patient.name == "P03"
+    assert opened.table.phases == responses["table"].phases and opened.name == "P03"
     assert responses["path"].response == "refused" and states(responses["path"].text, "patient", "../P03")
     (entry,) = list_sessions(folder / "sessions")
     assert entry["patient"] == "P03" and entry["id"] == finished[0].number

@@ -32,7 +32,9 @@ def treat(
     assert page.refusal("late_stance.hip.stiffness") == ""
     page.wait(CONDITION)
     page.tab("walk")
-    page.row("patient").locator("input").fill(patient)
+    name = page.row("patient").locator("input")
+    # On a busy machine the page may be without data for a moment; its inputs then take no text.
+    until(lambda: (name.fill(patient), name.input_value() == patient)[1], "the name")
     page.page.click("[data-action=save_settings]")
     saved = page.page.locator("fieldset:has([data-action=save_settings]) > .rejection.done")
     until(saved.is_visible, "the saved settings")
