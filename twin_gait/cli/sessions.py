@@ -69,7 +69,8 @@ def format_session(entry: Mapping[str, Any]) -> str:
     left = {path: f"{path} (unfinished: twin-gait sessions complete {path})" for path in entry["unfinished"]}
     folders = ", ".join(left.get(path, path) for path in entry["folders"]) or "no run folder"
     run = "{experiment}  {status}".format_map(entry)
-    run = f"{entry['patient']} in {run}" if entry["patient"] else run
+    named = entry["patient"] not in (None, entry["experiment"])
+    run = f"{entry['patient']} in {run}" if named else run
     line = f"{entry['id']:>4}  {began} UTC  {user}  {run}  {counted}  {folders}"
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in line)
 

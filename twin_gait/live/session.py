@@ -299,7 +299,7 @@ class LiveSession:
         text = f"saved {path}; start the next session with: twin-gait live {shlex.quote(str(path))}"
         self.event_log.answer(message, "applied", text, value=str(path))
 
-    def _write_new(self, names: Iterable[str], document: Mapping[str, Any]) -> Path:
+    def _write_new(self, names: Iterable[str], document: dict[str, Any]) -> Path:
         """Write a document under the first name that is free in the folder of the run directories."""
         return write_new((self.folder.with_name(name) for name in names), dump_yaml(document))
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.exceptions import TwinGaitError
+from twin_gait.gait.table import TICK
 from twin_gait.labels import label_of
 from twin_gait.live.journal import read_walks
 from twin_gait.live.session_records import RUNNING, SessionError, list_sessions, read_session
@@ -31,8 +32,9 @@ class SessionWalks:
 
     @cached_property
     def starts(self) -> np.ndarray:
-        """Times since the start of the session in [s] at which the walks begin and the last one ends."""
-        return np.cumsum([0.0, *(run.duration for run in self.runs)])
+        """Times in [s] at which the walks begin and the last one ends, without the time after a trip."""
+        ends = {walk: item.end for walk, item in self.conditions}
+        return TICK * np.cumsum([0, *ends.values()])
 
     @cached_property
     def conditions(self) -> list[tuple[int, Condition]]:
@@ -41,7 +43,7 @@ class SessionWalks:
 
     @cached_property
     def strides(self) -> pd.DataFrame:
-        """Strides of all walks with ``time_s`` since the start of the session, and the condition from 1."""
+        """Strides of all walks with ``time_s`` as in ``starts``, and the condition from 1."""
         tables, first = [], 1
         for walk, run in enumerate(self.runs):
             table = strides_by_condition(run)

@@ -34,7 +34,7 @@ Curves = Mapping[tuple[Side, JointName], np.ndarray]  # angles in [rad] of strid
 class Mark(NamedTuple):
     """Time of a session that a picture marks."""
 
-    time: float  # time since the start of the session in [s]
+    time: float  # time walked since the start of the session in [s]
     label: str  # label above the panels
     restart: bool = False  # whether another walk begins here
 
@@ -99,7 +99,7 @@ def draw_course(strides: pd.DataFrame, keys: Sequence[str], marks: Sequence[Mark
                     textcoords="offset points",
                 )  # fmt: skip
             axes.set_xlim(0.0, end)
-            axes.set_xlabel("time of the session [s]")
+            axes.set_xlabel("time walked [s]")
         sides = [Side(str(side)) for side in strides["side"].unique()]
         style: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 3.0}
         legend = [Line2D([], [], color=SIDE_COLOURS[side], label=str(side), **style) for side in sides]
