@@ -15,7 +15,7 @@ from errors import raises, states
 from twin_gait import load_experiment, simulate
 from twin_gait.cli.program import main
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.live.controls import ControlPanel
 from twin_gait.live.session_records import SessionError, SessionRecorder, read_session
 from twin_gait.live.session_report import session_report
@@ -298,7 +298,8 @@ def test_the_settings_of_a_patient_start_the_next_session_as_they_are(tmp_path):
     assert opened.table.phases == settings.table.phases
     assert opened.patient.mass == 62.0 and opened.patient.conditions == loaded.experiment.patient.conditions
     assert opened.duration == 20.0 and "2026-11-12" in path.read_text().splitlines()[2]
-    assert ControlPanel(opened).preset.experiment == opened  # the values of the next session's panel
+    with raises(ParameterFileError, path, "scenario", "experiment"):
+        load_experiment("treadmill", [f"patient={path}"])
 
 
 @pytest.mark.parametrize("name", ["", "../P03", ".P03", "P\n03", "x" * 81])
