@@ -266,9 +266,9 @@ def test_the_command_writes_the_newest_report_for_its_user_alone(sessions, tmp_p
     assert main([*command, "1", "--out", str(out), "--force"]) == 0 and "session 1" in out.read_text()
     assert main([*command, "9", "--out", str(tmp_path / "other.html")]) == 2
     assert states(capsys.readouterr().err, "9", "twin-gait sessions list")
-    assert main(["sessions", "--records", str(record), "list", "--patient", "P03"]) == 0
+    assert main(["sessions", "--records", str(record), "list", "--name", "P03"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 2
-    assert main(["sessions", "--records", str(record), "list", "--patient", "P04"]) == 0
+    assert main(["sessions", "--records", str(record), "list", "--name", "P04"]) == 0
     assert capsys.readouterr().out == "no sessions\n"
 
 

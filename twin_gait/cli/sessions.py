@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
     action = options.add_command(actions, "list", list_sessions)
     action.add_argument("--user", metavar="NAME", help="only the sessions of this user")
-    action.add_argument("--patient", metavar="NAME", help="only the sessions of this patient")
+    action.add_argument("--name", metavar="NAME", help="only the sessions of the patient of this name")
     options.add(action, "--json")
     for name, act in (("export", export_session), ("show", show_session), ("delete", delete_session)):
         action = options.add_command(actions, name, act)
@@ -54,7 +54,7 @@ def list_sessions(arguments: argparse.Namespace) -> int:
     """List the sessions, one line each, the newest first."""
     from twin_gait.live import session_records
 
-    entries = session_records.list_sessions(_records(arguments), arguments.user, arguments.patient)
+    entries = session_records.list_sessions(_records(arguments), arguments.user, arguments.name)
     answer(arguments, [format_session(entry) for entry in entries] or ["no sessions"], entries)
     return DONE
 
