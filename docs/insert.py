@@ -15,6 +15,7 @@ mappings with the same keys is quoted as
 ``<!-- columns energy+monitor -->`` is a table of columns that ``twin_gait/simulation/log.yaml`` declares,
 ``<!-- names treadmill,interface=brace+overground -->`` a list of the full names of the columns in the logs of
 some experiments,
+``<!-- strides joint+motor -->`` a table of columns of ``strides.csv`` from their declarations,
 ``<!-- labels duration_s+wall_s -->`` a table of the labels of keys of a summary,
 ``<!-- signals battery -->`` a table of the signals of a message in ``urdf/twin.dbc``,
 ``<!-- keys plant.battery -->`` a table of the keys of a section of an experiment file or a gait table,
@@ -47,7 +48,7 @@ sys.path.insert(0, str(DOCS))
 import declared  # noqa: E402 -- beside this file
 
 _WORD = r"(?: ((?!-->)\S+))?"
-_KINDS = "value|table|columns|names|labels|signals|keys|fields|assumptions|rules|commands|licences"
+_KINDS = "value|table|columns|strides|names|labels|signals|keys|fields|assumptions|rules|commands|licences"
 QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
@@ -99,6 +100,28 @@ def columns(kinds: str) -> list[dict[str, Any]]:
         }
         for kind in kinds.split("+")
         for name, (_, meaning) in log.GROUPS[kind].columns.items()
+    ]
+
+
+def strides(groups: str) -> list[dict[str, Any]]:
+    """Return the columns of ``strides.csv`` in some declared groups, such as ``joint+motor``."""
+    from twin_gait.labels import label_of
+    from twin_gait.runs.stride_table import column_meanings
+
+    found = [
+        (name, label_of(name), text)
+        for group in groups.split("+")
+        for name, text in column_meanings()[group].items()
+    ]
+    return [
+        {
+            "column": f"`{name}`",
+            "name": label.name,
+            "unit": label.unit,
+            "shown in": label.display_unit,
+            "meaning": text,
+        }
+        for name, label, text in found
     ]
 
 
@@ -233,6 +256,7 @@ def names(experiments: str) -> str:
 
 MAKERS: dict[str, Callable[[str], list[dict[str, Any]] | str]] = {
     "columns": columns,
+    "strides": strides,
     "names": names,
     "labels": labels,
     "signals": signals,

@@ -10,6 +10,7 @@ from .parameters.wearer import Patient as Patient
 from .report.figures import plot_run as plot_run
 from .runs.record import load_run as load_run
 from .runs.record import save_run as save_run
+from .runs.stride_table import stride_table as stride_table
 from .runs.summary import summarise_run as summarise_run
 from .simulation.run import Run as Run
 from .simulation.run import RunStatus as RunStatus

@@ -21,7 +21,7 @@ NO_UNIT = "1"
 _UNITS = {
     **{unit: unit for unit in "rad s ms m mm km h min N A V W Wh J kg Hz bit kbit ppm".split()},
     **{"deg": "°", "us": "µs", "s2": "s²", "s3": "s³", "m1p5": "m^1.5", "Nm": "N·m", "Nms": "N·m·s"},
-    **{"Ns": "N·s", "kgm2": "kg·m²", "Ohm": "Ω", "percent": "%", "pct": "%"},
+    **{"Ns": "N·s", "kgm2": "kg·m²", "Ohm": "Ω", "percent": "%", "pct": "%", "years": "years"},
 }
 _UNIT = re.compile(r"_(?:({0})(?:_per_({0}))?|per_({0}))$".format("|".join(_UNITS)))
 # Display units of all quantities with a unit, and factors from a unit to a display unit.

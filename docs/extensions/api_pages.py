@@ -23,7 +23,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "twin_gait.configuration.experiments": ("list_patients",),
     "twin_gait.configuration.gait_table_file": ("load_mode_table",),
     "twin_gait.control.controller": ("Controller", "Plan"),
-    "twin_gait.control.safety": ("SafetyState", "Trip", "TripCause"),
+    "twin_gait.control.safety": ("Trip", "TripCause"),
     "twin_gait.core.friction": ("friction_torque", "rotational_friction_torque", "steady_deflection"),
     "twin_gait.core.plant": ("Plant",),
     "twin_gait.firmware.verification": ("verify",),

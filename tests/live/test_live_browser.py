@@ -66,8 +66,8 @@ def until(true: Callable[[], Any], awaited: str, patience: float = PATIENCE) -> 
 class Walk:
     """Running process of ``twin-gait live``."""
 
-    def __init__(self, folder: Path, *words: str) -> None:
-        self.folder = folder / "run"
+    def __init__(self, folder: Path, *words: str, name: str = "run") -> None:
+        self.folder = folder / name
         command = [sys.executable, "-m", "twin_gait", "live", *words, "--no-browser", "--no-pictures",
                    "--port", "0", "--user", "tester", "--out", str(self.folder)]  # fmt: skip
         self.process = subprocess.Popen(

@@ -4,6 +4,7 @@ import base64
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -706,6 +707,10 @@ def finished(tmp_path_factory):
             session, kind="do", action="push", values={"joint": "right_knee", "torque": -6}
         )
         responses["save"] = say(session, kind="do", action="save")
+        name = {"patient": "P03"}
+        responses["settings"] = say(session, kind="do", action="save_settings", values=name)
+        responses["again"] = say(session, kind="do", action="save_settings", values=name)
+        responses["path"] = say(session, kind="do", action="save_settings", values={"patient": "../P03"})
         time.sleep(0.5)
         responses["state"] = session.state()
         responses["table"] = session.settings.table
@@ -721,6 +726,20 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
     _, responses, folder = finished
     assert (folder / "run-table-1.yaml").read_text() == EARLIER
     assert responses["save"].value == str(folder / "run-table-2.yaml")
+
+
+def test_saved_settings_are_an_experiment_file_with_the_name_of_the_patient(finished):
+    _, responses, folder = finished
+    first, second = (Path(responses[name].value) for name in ("settings", "again"))
+    assert re.fullmatch(r"P03-\d{4}-\d\d-\d\d\.yaml", first.name) and first.parent == folder
+    assert second.name == f"{first.stem}-2.yaml"
+    assert states(responses["settings"].text, f"twin-gait live {first}")
+    opened = load_experiment(first).experiment
+    assert opened.table.phases == responses["table"].phases and opened.name == "P03"
+    assert responses["path"].response == "refused" and states(responses["path"].text, "patient", "../P03")
+    (entry,) = list_sessions(folder / "sessions")
+    assert entry["patient"] == "P03" and entry["id"] == finished[0].number
+    assert str(entry["id"]) in finished[0].report_command
 
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):

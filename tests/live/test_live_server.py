@@ -45,6 +45,7 @@ class RecordingServer(LivePageServer):
     def __init__(self, window: CommandBuffer, port: int = 0) -> None:
         self.received: list[str] = []
         self.stops, self.confirms, self.window = 0, True, window
+        self.reported = ("<title>report</title>", "")
         SceneServer.__init__(self, PAGE, first_port=port)
 
     def initial_messages(self) -> list[dict[str, Any]]:
@@ -56,6 +57,9 @@ class RecordingServer(LivePageServer):
     def receive(self, panel: Any, text: str) -> None:
         self.received.append(text)
         panel.send({"kind": "received", "text": text})
+
+    async def report(self) -> tuple[str, str]:
+        return self.reported
 
     async def stop(self) -> bool:
         self.stops += 1
@@ -184,11 +188,24 @@ def test_another_origin_gets_no_socket(path: str, headers: dict[str, str]) -> No
     with_listener(scene)
 
 
+def test_the_report_or_the_reason_of_its_failure_is_served_with_the_token() -> None:
+    async def scene(listener: Listener) -> None:
+        page = await listener.fetch("/report")
+        assert (page.code, page.body.decode()) == (200, "<title>report</title>")
+        assert (await listener.fetch("/report", key="token=guess")).code == 403
+        listener.server.reported = ("", "no record: <b>é</b>\n")
+        failed = await listener.fetch("/report")
+        assert (failed.code, failed.body.decode()) == (503, "no record: <b>é</b>\n")
+        assert failed.headers["Content-Type"].startswith("text/plain")
+
+    with_listener(scene)
+
+
 def test_another_origin_gets_no_page_and_cannot_stop() -> None:
     async def scene(listener: Listener) -> None:
         foreign = {"Origin": "http://evil.example"}
         rebound = {"Host": f"evil.example:{listener.server.port}"}
-        for path, method in (("/", "GET"), ("/nothing", "GET"), ("/stop", "POST")):
+        for path, method in (("/", "GET"), ("/nothing", "GET"), ("/report", "GET"), ("/stop", "POST")):
             for headers in (foreign, rebound):
                 body = b"" if method == "POST" else None
                 answer = await listener.fetch(path, method=method, headers=headers, body=body)

@@ -24,15 +24,18 @@ from twin_gait.measures.effort import (
     share_of_work,
 )
 from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.phases import phase_onsets
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     cadence,
-    double_support_share,
+    double_support_shares,
     is_in_stride,
     join_strides,
     normalise_strides,
     step_times,
     stride_extremes,
+    stride_means,
+    stride_sums,
     values_in_strides,
 )
 from twin_gait.runs.log_files import read_log_table
@@ -47,22 +50,34 @@ def test_strides_of_two_seconds_are_sixty_steps_a_minute():
 
 
 def test_step_runs_from_the_other_foots_last_strike():
-    strikes, others = np.array([1000, 2000, 3000]), np.array([400, 1700])
+    bounds, others = np.array([[300, 1000], [1000, 2000], [2000, 3000]]), np.array([400, 1200, 1700])
     # The last one has no strike of the other foot since 2000: the other foot made no step.
-    assert_allclose(step_times(strikes, others, TICK), [0.6, 0.3])
+    assert_allclose(step_times(bounds, others, TICK), [0.6, 0.3, math.nan])
+    assert len(step_times(bounds[:0], others, TICK)) == 0
 
 
-def test_first_strike_of_all_ends_no_step():
-    assert len(step_times(np.array([100]), np.array([300]), TICK)) == 0
+def test_spans_are_summed_without_their_last_tick():
+    bounds = np.array([[0, 3], [3, 10]])
+    assert_allclose(stride_sums(np.arange(10.0), bounds), [3.0, 42.0])
+    assert_allclose(stride_means(np.arange(10.0), bounds), [1.0, 6.0])
+
+
+def test_onset_of_a_phase_is_its_first_entry_and_of_the_first_phase_the_nearest_one():
+    bounds = np.array([[100, 200], [200, 300], [300, 500]])
+    assert_allclose(phase_onsets(np.array([120, 190, 200, 450]), bounds), [20.0, 0.0, 75.0])
+    assert_allclose(phase_onsets(np.array([95, 230, 420]), bounds, first=True), [-5.0, 30.0, -35.0])
+    assert np.isnan(phase_onsets(np.array([600]), bounds)).all()
+    assert np.isnan(phase_onsets(np.array([600]), bounds, first=True)).all()
+    assert np.isnan(phase_onsets(np.zeros(0, dtype=int), bounds)).all()
 
 
 def test_both_feet_carry_for_a_quarter_of_the_stride():
     tick = np.arange(400)
     left, right = tick % 200 < 125, (tick + 100) % 200 < 125
     strides = np.array([[0, 200], [200, 400]])
-    assert double_support_share(left, right, strides) == pytest.approx(0.25)
-    assert double_support_share(left, ~left, strides) == 0.0
-    assert math.isnan(double_support_share(left, right, strides[:0]))
+    assert_allclose(double_support_shares(left, right, strides), [0.25, 0.25])
+    assert_allclose(double_support_shares(left, ~left, strides), [0.0, 0.0])
+    assert len(double_support_shares(left, right, strides[:0])) == 0
 
 
 def test_strides_of_two_walks_exclude_the_time_between_them():

@@ -19,7 +19,6 @@ from twin_gait.measures.switching import (
     dimensionless_jerk,
     joint_jerk,
     low_pass,
-    span_sums,
     spring_energy,
     switching_energy,
     torque_jumps,
@@ -124,10 +123,6 @@ def test_switching_and_the_work_of_the_controllers_torque_balance_the_energy(row
     energy = spring_energy(angle, stiffness, equilibrium)
     injected = switching_energy(angle, stiffness, equilibrium).sum()
     assert_allclose(energy[-1] - energy[0], injected - work, atol=1e-9)
-
-
-def test_spans_are_summed_without_their_last_tick() -> None:
-    assert_allclose(span_sums(np.arange(10.0), np.array([[0, 3], [3, 10]])), [3.0, 42.0])
 
 
 @pytest.mark.parametrize("frequency", [5.0, 50.0, 100.0])

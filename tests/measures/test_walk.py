@@ -11,16 +11,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+from twin_gait.measures.ground_strides import WalkConditions, slip_speed
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import ERROR_PARTS, PERCENT, error_parts
-from twin_gait.measures.walk import (
-    WalkConditions,
-    cop_curve,
-    is_belt_driven,
-    slip_speed,
-    walk_measures,
-    walk_power,
-)
+from twin_gait.measures.walk import cop_curve, is_belt_driven, walk_measures, walk_power
 from twin_gait.vocabulary import JointName, Side
 
 TICK = 1e-3

@@ -41,6 +41,7 @@ def test_run_directory_contains_every_file(directory):
     assert sorted(path.name for path in directory.iterdir()) == [
         "experiment.yaml",
         "log.parquet",
+        "strides.csv",
         "summary.json",
         "transitions.csv",
     ]

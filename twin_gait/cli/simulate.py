@@ -184,6 +184,8 @@ def _finish(session: LiveSession, interrupted: bool) -> int:
     walk, summary = session.walk, session.summary
     if summary:
         print("\n".join(report(summary, *session.summaries)))
+    if summary and session.number is not None:
+        print(f"  report for print: twin-gait sessions report {session.number}")
     if walk.exit_reason:
         _warn(f"{walk.exit_reason}; the run was saved up to its last second")
     if session.failure:

@@ -261,7 +261,13 @@ def sections_of_person(person: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the parameters in a person's file; without ``name``, the name is that of the file."""
+    """Return the parameters in a person's file; without ``name``, the name is that of the file.
+
+    Raises ParameterFileError if the file is an experiment.
+    """
+    if "scenario" in data:
+        problem = "is a key of an experiment, not of a person; give the file as the experiment instead"
+        raise ParameterFileError(path, "scenario", problem)
     person = {item: data[item] for item in data if item not in _HEADER}
     return {**person, "name": data.get("name") or path.stem}
 

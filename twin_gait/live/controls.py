@@ -85,6 +85,7 @@ def action_specs(simulation_setup: SimulationSetup) -> Iterator[ActionSpec]:
     options: dict[str, dict[str, Any]] = {"torque": {"minimum": -limit, "maximum": limit}}
     for name, choices in offered.items():
         options[name] = {"choices": choices, "value": next(iter(choices), "")}
+    options["patient"] = {"value": (experiment.patient and experiment.patient.name) or experiment.name}
     options["place"] |= {"choices_by_value": locations, "depends_on": "kind"}
     for action, shown in _SHOWN["actions"].items():
         if action == ("step" if requests else "request"):  # with modes, requests replace steps by hand

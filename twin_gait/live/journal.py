@@ -219,22 +219,12 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
     made.
     """
     with lock_journal(journal):
-        setup, columns, pieces = read_journal(journal)
-        experiment = experiment_from_mapping(setup["document"], "experiment", Path())
-        # The columns of the log do not depend on a user's controller, whose module may have been deleted.
-        simulation_setup = replace(build_setup(replace(experiment, controller=None)), experiment=experiment)
-        if columns != log_layout(simulation_setup).names:
-            raise RunDirectoryError(
-                f"{journal}: its log has other columns than this version; use the version that wrote it"
-            )
-        walks, done = (
-            list(split_walks(pieces, simulation_setup.experiment.n_ticks)),
-            dict[Path, dict[str, Any]](),
-        )
-        for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
-            document = walked_document(walk, setup["document"])
-            run = walked_run(walk, simulation_setup, experiment_from_mapping(document, "experiment", Path()))
-            drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
+        setup, walks = read_walks(journal)
+        done = dict[Path, dict[str, Any]]()
+        for (run, document), folder in zip(
+            walks, _names(Path(setup["folder"]), setup["force"]), strict=False
+        ):
+            drawn = pictures and run is walks[-1][0] and run.duration <= LONGEST_PICTURES
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
                 done[folder] = to_json_value(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
@@ -242,6 +232,28 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
         with contextlib.suppress(SessionError):  # the run directories are more important than their list
             add_folders(Path(setup["records"]), Path(setup["folder"]), done)
     return done
+
+
+def read_walks(journal: Path) -> tuple[dict[str, Any], list[tuple[Run, dict[str, Any]]]]:
+    """Read the walks of a journal, also of one that is still being written, up to its last complete chunk.
+
+    Returns the set-up, and each walk as a run with the experiment file that reproduces it. Raises
+    RunDirectoryError if the journal cannot be read.
+    """
+    setup, columns, pieces = read_journal(journal)
+    experiment = experiment_from_mapping(setup["document"], "experiment", Path())
+    # The columns of the log do not depend on a user's controller, whose module may have been deleted.
+    simulation_setup = replace(build_setup(replace(experiment, controller=None)), experiment=experiment)
+    if columns != log_layout(simulation_setup).names:
+        raise RunDirectoryError(
+            f"{journal}: its log has other columns than this version; use the version that wrote it"
+        )
+    walks = []
+    for walk in split_walks(pieces, experiment.n_ticks):
+        document = walked_document(walk, setup["document"])
+        walked = experiment_from_mapping(document, "experiment", Path())
+        walks.append((walked_run(walk, simulation_setup, walked), document))
+    return setup, walks
 
 
 def _names(folder: Path, force: bool) -> Iterator[Path]:

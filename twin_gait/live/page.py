@@ -149,6 +149,18 @@ class StopHandler(GuardedHandler):
         self.write("stopped\n")
 
 
+class ReportHandler(GuardedHandler):
+    """Handler of the report of the session so far."""
+
+    async def get(self) -> None:
+        """Send the report, or status 503 with the reason if it cannot be made."""
+        page, problem = await self.server.report()
+        if problem:
+            self.set_status(503)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.write(page or problem)
+
+
 class PanelSocket(GuardedSocket):
     """Web socket of the panel of a page."""
 
@@ -187,6 +199,7 @@ class LivePageServer(SceneServer):
         self._frame = session.walk.frame  # last telemetry
         self._serial = 0
         self._last_beat = -math.inf
+        self._reporting = asyncio.Lock()  # one report at a time
         self._id = secrets.token_hex(8)  # lets a page that outlives the session detect the next session
         self.figure = LiveScene(session.panel.simulation_setup)
         super().__init__(live_page(), first_port=port)
@@ -239,7 +252,12 @@ class LivePageServer(SceneServer):
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
         """Return the paths and their handlers."""
-        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", PanelSocket)]
+        return [
+            *super().routes(),
+            (r"/stop", StopHandler),
+            (r"/report", ReportHandler),
+            (r"/panel", PanelSocket),
+        ]
 
     def scene(self) -> Iterable[Change]:
         """Return the whole scene for a newly opened page."""
@@ -247,7 +265,8 @@ class LivePageServer(SceneServer):
 
     def initial_messages(self) -> Iterator[Message]:
         """Yield session, state, events and last frame for a newly opened panel."""
-        yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
+        phases, report = self.figure.page["phases"], self._session.report_command is not None
+        yield {"kind": "page", "session": self._id, "phases": phases, "report": report}
         yield self._session.state().to_dict()
         yield from (event.to_dict() for event in self._session.event_log.after(0))
         if self._sent_frame:
@@ -275,6 +294,22 @@ class LivePageServer(SceneServer):
             self._session.event_log.emit("refused", message, user=user)
         else:
             self._session.submit(message.model_copy(update={"user": message.user or user}))
+
+    async def report(self) -> tuple[str, str]:
+        """Write the report of the session so far; return the page, or an empty text and the reason.
+
+        Another process makes it, so that neither its time nor its memory affects the walk.
+        """
+        command = self._session.report_command
+        if command is None:
+            return "", "there is no report, because this session is not recorded"
+        async with self._reporting:
+            pipe = asyncio.subprocess.PIPE
+            process = await asyncio.create_subprocess_exec(*command, stdout=pipe, stderr=pipe)
+            _, errors = await process.communicate()
+        if process.returncode != 0:
+            return "", errors.decode(errors="replace")
+        return self._session.report_path.read_text(encoding="utf-8"), ""
 
     async def stop(self) -> bool:
         """Stop the walk; return whether the simulation has confirmed it within ``CONFIRMED_WITHIN``."""

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Mapping
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from twin_gait.configuration.custom_sections import section_of
 from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.events import changed_keys
 from twin_gait.configuration.experiments import LoadedExperiment
@@ -37,6 +39,7 @@ from twin_gait.live.protocol import (
     user_name,
 )
 from twin_gait.live.session_records import SessionRecorder
+from twin_gait.live.settings_file import choose_step, settings_document
 from twin_gait.live.telemetry import EventLog, WalkProcess
 from twin_gait.runs.folders import check_target, journal_path
 from twin_gait.runs.record import RUN_DIRECTORY
@@ -44,7 +47,7 @@ from twin_gait.simulation.settings import Settings, loop_numbers
 from twin_gait.simulation.stepping import SteppedRun
 
 # Actions that wait for changes that are being checked; other actions are sent to the walk immediately.
-CHECKED = ("revert", "save")
+CHECKED = ("revert", "save", "save_settings")
 
 
 @dataclass(kw_only=True, eq=False)
@@ -61,6 +64,7 @@ class LiveSession:
         settings: Present settings.
         controls: Controls of the panel with their present values.
         summaries: Summaries of the walks by their run directories, after these have been written at the end.
+        number: Number of the session in the record, or None if it is not recorded.
         failure: Reason why a run directory could not be written, or empty.
     """
 
@@ -79,9 +83,11 @@ class LiveSession:
     def __post_init__(self) -> None:
         """Prepare the session; raise MessageRejected if the name of the user is invalid in a message."""
         self.user = user_name(self.user)
+        self._opened = self.loaded.document
         self.loaded = choose_step(self.loaded)
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
+        self.number: int | None = None
         self._link: CanLink | None = None
         self.event_log = EventLog()
         self.panel = ControlPanel(self.loaded.experiment)
@@ -126,6 +132,7 @@ class LiveSession:
             self.event_log.recorder = SessionRecorder(
                 self.records, user=self.user, experiment=name, document=document, folder=self.folder
             )
+            self.number = self.event_log.recorder.session
 
     def close(self) -> None:
         """End the walk, write the run directories, and close the record."""
@@ -146,6 +153,20 @@ class LiveSession:
             folders = [self.folder] if self.failure else self.summaries
             self.event_log.recorder.close(self.walk.status, self.event_log.tick, self.summary, folders)
             self.event_log.recorder = None
+
+    @property
+    def report_path(self) -> Path:
+        """File of the report, next to the run directory."""
+        return self.folder.with_name(f"{self.folder.name}-report.html")
+
+    @property
+    def report_command(self) -> list[str] | None:
+        """Command that writes the report of the session, or None if the session is not recorded."""
+        if self.records is None or self.number is None:
+            return None
+        record = ["--records", str(self.records), "report", str(self.number)]
+        command = [sys.executable, "-P", "-m", "twin_gait", "sessions", *record]
+        return [*command, "--out", str(self.report_path), "--force"]
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -203,7 +224,9 @@ class LiveSession:
                 settings = self.panel.revert(self.settings, name)
                 self._apply_settings(message, settings, name)
             elif message.action == "save":
-                self._save(message)
+                self._save_table(message)
+            elif message.action == "save_settings":
+                self._save_settings(message, str(action_values(self._actions, message)["patient"]))
             else:
                 self._do(message, action_values(self._actions, message))
         except TwinGaitError as error:
@@ -256,15 +279,29 @@ class LiveSession:
         answer = self.walk.send_command({"command": name, "user": message.user, **values})
         self.event_log.answer(message, "applied", answer["text"], tick=answer["tick"])
 
-    def _save(self, message: DoAction) -> None:
+    def _save_table(self, message: DoAction) -> None:
         """Write the table as YAML next to the run directory."""
         table = self.settings.table
-        # Tables of an earlier session with the same --out are kept.
-        name = f"{self.folder.name}-table-"
-        names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
-        path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
+        names = (f"{self.folder.name}-table-{number}.yaml" for number in itertools.count(1))
+        path = self._write_new(names, {**table_document(table), "name": f"{table.name}_live"})
         text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
         self.event_log.answer(message, "applied", text, value=str(path))
+
+    def _save_settings(self, message: DoAction, patient: str) -> None:
+        """Write the settings of a patient as an experiment file next to the run directory."""
+        now = datetime.now().astimezone()
+        document = settings_document(self._opened, self.panel.preset, self.settings, patient, now)
+        others = (f"-{number}" for number in itertools.count(2))
+        names = (f"{patient}-{now:%Y-%m-%d}{end}.yaml" for end in itertools.chain([""], others))
+        path = self._write_new(names, document)
+        if self.event_log.recorder is not None:
+            self.event_log.recorder.patient(patient)
+        text = f"saved {path}; start the next session with: twin-gait live {shlex.quote(str(path))}"
+        self.event_log.answer(message, "applied", text, value=str(path))
+
+    def _write_new(self, names: Iterable[str], document: dict[str, Any]) -> Path:
+        """Write a document under the first name that is free in the folder of the run directories."""
+        return write_new((self.folder.with_name(name) for name in names), dump_yaml(document))
 
 
 def _describe_change(subject: str, before: Value | None, value: Value | None) -> str:
@@ -272,26 +309,3 @@ def _describe_change(subject: str, before: Value | None, value: Value | None) ->
         return "reset all parameters"
     shown = (f"{item:.4g}" if isinstance(item, float) else str(item) for item in (before, value))
     return f"{subject}: {' → '.join(shown)}"
-
-
-def choose_step(loaded: LoadedExperiment) -> LoadedExperiment:
-    """Return an experiment with a default step that is stable at every setting of its adjustments.
-
-    An experiment with an integration of its own is returned as it is.
-    """
-    experiment, scenario = loaded.experiment, loaded.experiment.scenario
-    if experiment.integration is not None:
-        return loaded
-    step = experiment.resolved_integration.step
-    for values in itertools.product(*((item.minimum, item.maximum) for item in scenario.adjustments)):
-        changed = scenario
-        for item, value in zip(scenario.adjustments, values, strict=True):
-            changed = changed.replace_adjustment(item.name, value * item.scale)
-        step = min(step, changed.step)
-    integration = replace(experiment.resolved_integration, step=step)
-    section = section_of(type(integration)).document(integration)
-    return replace(
-        loaded,
-        experiment=replace(experiment, integration=integration),
-        document={**loaded.document, "integration": section},
-    )

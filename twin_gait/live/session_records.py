@@ -85,6 +85,10 @@ class SessionRecorder:
         """Record a version of the gait table and its first tick."""
         self._put({"tables": {"tick": tick, "document": dict(document)}})
 
+    def patient(self, name: str) -> None:
+        """Record the name under which the settings of the wearer were saved."""
+        self._put({"patient": name})
+
     def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> None:
         """Record status, last tick and summary of the last walk, and wait until they are written."""
         end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
@@ -121,27 +125,28 @@ def _numbers(folder: Path) -> list[int]:
     return sorted(int(path.stem) for path in paths if path.stat().st_size)
 
 
-def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]:
-    """Return all sessions of the record, the newest first, as :func:`read_session` but without the details.
+def list_sessions(folder: Path, user: str | None = None, patient: str | None = None) -> list[dict[str, Any]]:
+    """Return the sessions of the record, the newest first, as :func:`read_session` but without the details.
 
-    Raises SessionError if the record cannot be read.
+    ``user``, ``patient``: names to which the list is restricted, or None. Raises SessionError if the record
+    cannot be read.
     """
     if not folder.is_dir():
         raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live creates it")
     entries = [read_session(folder, number) for number in reversed(_numbers(folder))]
-    chosen = [item for item in entries if user is None or item["user"] == user]
+    chosen = [item for item in entries if user in (None, item["user"]) and patient in (None, item["patient"])]
     return [{key: value for key, value in item.items() if key not in _DETAILS} for item in chosen]
 
 
 def read_session(folder: Path, session: int) -> dict[str, Any]:
     """Read the record of a session.
 
-    Returns ``id``, ``user``, name of the ``experiment``, ``began`` and ``ended`` in UTC, ``status`` of the
-    last walk (or ``going on``, or ``killed`` if its process died) and its last ``tick``; run directories
-    ``folders`` (before the end also planned ones) and those of them that are ``unfinished`` (only their
-    journal exists, which ``twin-gait sessions complete`` converts); numbers of applied ``changes``,
-    ``refusals`` and table ``versions``; ``document`` of the experiment, ``summary``, ``tables`` and ``log``
-    with every event in order. Raises SessionError if there is no such session.
+    Returns ``id``, ``user``, name of the ``patient`` or None, name of the ``experiment``, ``began`` and
+    ``ended`` in UTC, ``status`` of the last walk (or ``going on``, or ``killed`` if its process died) and its
+    last ``tick``; run directories ``folders`` (before the end also planned ones) and those of them that are
+    ``unfinished`` (only their journal exists, which ``twin-gait sessions complete`` converts); numbers of
+    applied ``changes``, ``refusals`` and table ``versions``; ``document`` of the experiment, ``summary``,
+    ``tables`` and ``log`` with every event in order. Raises SessionError if there is no such session.
     """
     path = _file(folder, session)
     try:
@@ -165,6 +170,7 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
                     found[key] = value
         left = [item for item in found["folders"] if journal_path(Path(item)).exists()]
         found["unfinished"] = [] if found["status"] == RUNNING else left
+        found.setdefault("patient", (found["document"].get("patient") or {}).get("name"))
         responses = [item["response"] for item in found["log"]]
         found |= {"changes": responses.count("applied"), "refusals": responses.count("refused")}
         return found | {"versions": len(found["tables"]), "began": found["began"]}

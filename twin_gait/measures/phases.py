@@ -47,6 +47,27 @@ def phase_entries(phases: np.ndarray, phase: int, beginnings: np.ndarray | None 
     return np.asarray(beginnings[phases[beginnings] == phase])
 
 
+def phase_onsets(entries: np.ndarray, bounds: np.ndarray, *, first: bool = False) -> np.ndarray:
+    """Compute the share of each stride at which a phase begins.
+
+    ``entries``: ticks of the entries into the phase, ascending, shape ``(m,)``; ``bounds``: strides, shape
+    ``(n_strides, 2)``; ``first``: whether the phase begins the cycle. The onset is the first entry in the
+    stride. For the phase that begins the cycle it is the entry nearest to the start of the stride, negative
+    if it lies before the start. Returns shares in [%], shape ``(n_strides,)``; NaN for a stride without such
+    an entry, and for the first phase if the nearest entry is half a stride away or more.
+    """
+    start, end = bounds.T
+    if len(entries) == 0 or len(bounds) == 0:
+        return np.full(len(bounds), np.nan)
+    if first:
+        entry = _nearest(entries, start)
+        inside = 2 * np.abs(entry - start) < end - start
+    else:
+        entry = entries[entries.searchsorted(start).clip(max=len(entries) - 1)]
+        inside = (entry >= start) & (entry < end)
+    return np.where(inside, 100.0 * (entry - start) / (end - start), np.nan)
+
+
 def phase_durations(phases: np.ndarray, tick: float, *, since: int = 0) -> dict[int, np.ndarray]:
     """Compute the durations of the stays that lie completely within the record.
 

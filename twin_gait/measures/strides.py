@@ -97,6 +97,20 @@ def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
     return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
 
 
+def stride_sums(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Sum a signal over each stride, or over other spans of ticks.
+
+    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: first tick of each span and first tick
+    after it, shape ``(n_strides, 2)``. Returns the sums, shape ``(n_strides,)``.
+    """
+    return np.array([signal[start:end].sum() for start, end in bounds.tolist()])
+
+
+def stride_means(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Compute the mean of a signal over each stride, in the unit of the signal, shape ``(n_strides,)``."""
+    return stride_sums(signal, bounds) / (bounds[:, 1] - bounds[:, 0])
+
+
 def mean(values: np.ndarray) -> float:
     """Compute the mean of values, in their unit; NaN without values.
 
@@ -209,32 +223,36 @@ def symmetry_index(left: float, right: float) -> float:
 SECONDS_PER_MINUTE = 60.0
 
 
+def cadences(stride_times: np.ndarray) -> np.ndarray:
+    """Compute the number of steps in a minute of each stride, two a stride.
+
+    ``stride_times`` in [s], shape ``(n,)``. Returns the cadences in steps a minute, in the same shape.
+    """
+    return 2.0 * SECONDS_PER_MINUTE / stride_times
+
+
 def cadence(stride_times: np.ndarray) -> float:
-    """Compute the number of steps in a minute, two a stride.
+    """Compute the cadence of strides from their mean duration in [s]; NaN without strides or if it is 0."""
+    return float(cadences(np.float64(finite_mean(stride_times) or math.nan)))
 
-    ``stride_times`` in [s], shape ``(n,)``. Returns the cadence in steps a minute; NaN without strides, or
-    if their mean duration is 0.
+
+def step_times(bounds: np.ndarray, other_strikes: np.ndarray, tick: float) -> np.ndarray:
+    """Compute the duration of the step that ends with each stride.
+
+    The step begins with the last strike of the other foot in the stride. ``bounds``: strides from heel strike
+    to heel strike; ``other_strikes``: heel strikes of the other foot, ticks in ascending order, shape
+    ``(m,)``; ``tick``: sampling period in [s]. Returns durations in [s], shape ``(n_strides,)``; NaN for a
+    stride without a strike of the other foot.
     """
-    return 2.0 * SECONDS_PER_MINUTE / (finite_mean(stride_times) or math.nan)
+    start, end = bounds.T
+    begin = last_event_before(other_strikes, end)
+    return np.where(begin > start, (end - begin) * tick, np.nan)
 
 
-def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> np.ndarray:
-    """Compute the durations of the steps that end with a heel strike of one foot.
-
-    A step begins with the other foot's last strike before it. If this foot struck since then, the other foot
-    has made no step in between and no step is counted. ``strikes``: heel strikes of the foot, ticks in
-    ascending order, shape ``(n,)``; ``other_strikes``: heel strikes of the other foot, shape ``(m,)``;
-    ``tick``: sampling period in [s]. Returns durations in [s], shape ``(k,)`` with k at most n.
-    """
-    begin, last = last_event_before(other_strikes, strikes), np.append(-1, strikes[:-1])
-    return np.asarray((strikes - begin)[begin > last] * tick)
-
-
-def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, bounds: np.ndarray) -> float:
-    """Compute the share of the time in which both feet carry load.
+def double_support_shares(loaded: np.ndarray, other_loaded: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Compute the share of each stride in which both feet carry load.
 
     ``loaded``: whether one foot carries load, one value a tick, shape ``(n_ticks,)``; ``other_loaded``: the
-    same for the other foot; ``bounds``: strides. Returns the share in [0, 1]; NaN without strides.
+    same for the other foot; ``bounds``: strides. Returns shares in [0, 1], shape ``(n_strides,)``.
     """
-    both = values_in_strides(loaded & other_loaded, bounds)
-    return float(both.mean()) if len(both) else math.nan
+    return stride_means(loaded & other_loaded, bounds)

@@ -84,15 +84,6 @@ def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle
     return injected
 
 
-def span_sums(values: np.ndarray, spans: np.ndarray) -> np.ndarray:
-    """Sum a signal over each of several spans of ticks.
-
-    ``values``: one value a tick, shape ``(n,)``; ``spans``: first tick of each span and first tick after it,
-    shape ``(m, 2)``. Returns the sums, shape ``(m,)``.
-    """
-    return np.array([values[start:end].sum() for start, end in spans])
-
-
 # ---------------------------------------------------------------------- jerk
 
 

@@ -19,12 +19,12 @@ the ground brakes the feet on average.
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from twin_gait.measures import strides
-from twin_gait.measures.foot_contact import CONTACT_FORCE, find_swings, is_loaded, swing_clearances
+from twin_gait.measures.foot_contact import CONTACT_FORCE
+from twin_gait.measures.ground_strides import WalkConditions, ground_strides
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import mean
@@ -41,16 +41,6 @@ MIN_DRAG_SHARE = 0.02
 # external_torque_Nm is their sum.
 EXTERNAL_SOURCES = ("voluntary", "passive", "disturbance")
 OWN_GAIT = "own"  # Source of torque on a joint that the wearer's own gait moves.
-
-
-@dataclass(frozen=True)
-class WalkConditions:
-    """Parameters of belt and support that the measures of a walk need."""
-
-    # Weight of wearer and device less the supported part, in [N]; NaN if nothing is left.
-    carried_weight: float
-    friction_coefficient: float  # friction coefficient of the soles on the belt
-    transition_velocity: float  # transition velocity of the regularised friction in [m/s]
 
 
 def walk_measures(
@@ -71,47 +61,29 @@ def walk_measures(
     otherwise, and NaN if they are not defined. Forces without a unit in the name are divided by the carried
     weight.
     """
-    contacts, force = leg.contacts, leg.normal_force
-    assert contacts is not None  # there is ground
-    assert leg.clearance is not None and force is not None
+    force = leg.normal_force
+    assert force is not None  # there is ground
     bounds = leg.strides(skip=skip)
-    times = strides.stride_times(bounds, leg.tick)
+    each = ground_strides(log, leg, other, walkway, bounds)
+    clearances = each["clearance_m"]
     entries = np.zeros(0, dtype=int) if swing_phase is None else leg.phase_entries(swing_phase)
     fore_aft = np.asarray(log[f"{leg.side}_foot_friction_force_N"])
-    load = force / walkway.carried_weight
-    counted = strides.is_in_stride(find_swings(contacts)[:, 0], bounds)
-    clearances = swing_clearances(leg.clearance, contacts)[counted]
     return {
-        "cadence_per_min": strides.cadence(times),
-        "step_length_m": ground_speed(log, bounds, leg.tick) * mean(counted_step_times(leg, other, bounds)),
-        "load_peak": mean(strides.stride_extremes(load, bounds)[:, 1]),
-        **load_measures(mean_stride(load, bounds)),
-        **_fore_aft(fore_aft, bounds, leg.tick, walkway),
+        "cadence_per_min": strides.cadence(strides.stride_times(bounds, leg.tick)),
+        "step_length_m": strides.finite_mean(each["step_length_m"]),
+        "load_peak": mean(each["load_peak"]),
+        **load_measures(mean_stride(force / walkway.carried_weight, bounds)),
+        **{name: mean(each[name]) for name in ("braking_impulse_Ns", "propulsion_impulse_Ns")},
+        "fore_aft_force_N": mean_over_strides(fore_aft, bounds),
+        **fore_aft_peaks(mean_stride(fore_aft, bounds) / walkway.carried_weight),
         "cop_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_cop_ratio"]), force, bounds),
         **_joints(log, leg.side, bounds),
-        "clearance_m": float(min(clearances, default=math.nan)),
-        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway, leg.loaded), bounds) * mean(times),
+        "clearance_m": float(min(clearances[np.isfinite(clearances)], default=math.nan)),
+        "slip_m": mean(each["slip_m"]),
         **_swing(force, entries[strides.is_in_stride(entries, bounds)], bounds),
         "belt_power_W": -mean_over_strides(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),
     }
-
-
-def counted_step_times(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
-    """Compute the durations in [s] of the steps that end at a heel strike of the strides ``bounds``.
-
-    A step is not counted if the walk is interrupted in it.
-    """
-    contacts, others = leg.contacts, other.contacts
-    assert contacts is not None and others is not None  # there is ground
-    strikes = contacts.heel_strikes[strides.is_in_stride(contacts.heel_strikes, bounds, last=True)]
-    found = [np.zeros(0)]
-    for span in leg.steady_ticks:
-        ends, starts = (
-            ticks[(ticks >= span.start) & (ticks <= span.stop)] for ticks in (strikes, others.heel_strikes)
-        )
-        found.append(strides.step_times(ends, starts, leg.tick))
-    return np.concatenate(found)
 
 
 # Ends of the names of the log columns that the measures of a walk read in addition to time and phases.
@@ -122,20 +94,6 @@ WALK_COLUMNS = (
     "_foot_normal_force_N", "_foot_friction_force_N", "_foot_cop_ratio", "_foot_clearance_m",
     "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s", "belt_speed_m_per_s",
 )  # fmt: skip
-
-
-def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
-    """Compute the mean speed over the ground in some strides, in [m/s].
-
-    It is the speed of the belt or, if the belt does not move, of the pelvis. ``bounds``: strides, shape
-    ``(n_strides, 2)``; ``tick``: length of a tick in [s].
-    """
-    belt = mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds)
-    if belt != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
-        return belt
-    position = np.asarray(log["pelvis_forward_m"])
-    first, last = strides.join_strides(bounds).clip(max=len(log) - 1).T
-    return float(np.sum(position[last] - position[first]) / (tick * np.sum(last - first)))
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -196,19 +154,6 @@ def knee_shape(cycle: np.ndarray) -> dict[str, float]:
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
 
-def _fore_aft(
-    force: np.ndarray, bounds: np.ndarray, tick: float, walkway: WalkConditions
-) -> dict[str, float]:
-    """Compute impulses, mean and peaks of the fore-aft force."""
-    time = mean(strides.stride_times(bounds, tick))
-    return {
-        "braking_impulse_Ns": time * mean_over_strides(np.minimum(force, 0.0), bounds),
-        "propulsion_impulse_Ns": time * mean_over_strides(np.maximum(force, 0.0), bounds),
-        "fore_aft_force_N": mean_over_strides(force, bounds),
-        **fore_aft_peaks(mean_stride(force, bounds) / walkway.carried_weight),
-    }
-
-
 def cop_curve(cop_ratio: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Compute the centre of pressure over the mean stride, each stride weighted with its load.
 
@@ -242,35 +187,6 @@ def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]
         "hip_lowest_deg": math.degrees(mean(strides.stride_extremes(np.asarray(log[hip]), bounds)[:, 0])),
         **knee_shape(mean_stride(np.asarray(log[knee]), bounds)),
     }
-
-
-def slip_speed(
-    fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions, loaded: np.ndarray | None = None
-) -> np.ndarray:
-    r"""Compute the speed of a loaded sole on the belt, from the law of its friction.
-
-    .. math::
-
-        F_x = -\mu F_n \tanh(v / v_t)
-        \quad\Rightarrow\quad |v| = v_t \operatorname{artanh}\frac{|F_x|}{\mu F_n}
-
-    Where points of the sole move at different speeds, the result is approximately the speed of the points
-    that carry load.
-
-    ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``;
-    ``loaded``: result of :func:`is_loaded`, computed by default. Returns the speed in [m/s], shape ``(n,)``;
-    0 where the foot is not loaded, NaN without friction.
-    """
-    if loaded is None:
-        loaded = is_loaded(load)
-    if walkway.friction_coefficient == 0.0:
-        return np.where(loaded, np.nan, 0.0)
-    ticks = np.flatnonzero(loaded)
-    ratio = np.abs(fore_aft[ticks]) / (walkway.friction_coefficient * load[ticks])
-    speed = np.zeros(len(load))
-    # Rounding keeps the hyperbolic tangent below 1 up to 18 transition velocities.
-    speed[ticks] = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
-    return speed
 
 
 def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:

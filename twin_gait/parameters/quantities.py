@@ -112,6 +112,7 @@ class CustomSerialized:
 # Quantities with their units in files, and the largest magnitude that is plausible for a device, a wearer and
 # their surroundings, with the reason. A field may narrow the range.
 Angle = Annotated[float, QuantityUnits("rad", math.pi, "half a turn", deg=DEGREE)]
+Age = Annotated[float, QuantityUnits("years", 130.0, "the oldest people")]
 AngularVelocity = Annotated[
     float, QuantityUnits("rad_per_s", 50.0, "ten times the no-load speed", deg_per_s=DEGREE)
 ]

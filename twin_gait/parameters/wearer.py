@@ -15,6 +15,7 @@ SHANK_LENGTH = 0.246
 # From a child of one to two years to a person who is twice as heavy as the subjects of the segment tables.
 MASSES = quantities.Range(10.0, 160.0, words="10 to 160 kg")
 HEIGHTS = quantities.Range(0.70, 2.20, words="0.70 to 2.20 m")
+AGES = quantities.Range(0.0, 130.0, words="0 to 130 years")
 NOISES = quantities.Range(0.0, 5.0, reason="five times the effort itself")
 CONTRACTURES = quantities.Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
@@ -58,7 +59,7 @@ class JointCondition(quantities.Parameters):
 PLAIN_NAME = "a name of 1 to 80 printable characters, without / and \\, that does not begin with a dot"
 
 
-def _is_plain(name: Any) -> bool:
+def is_plain_name(name: Any) -> bool:
     """Return whether a name can be printed on one line and be the name of a folder."""
     plain = isinstance(name, str) and 0 < len(name) <= 80 and name.isprintable()
     return plain and not name.startswith(".") and not set(name) & set("/\\")
@@ -80,6 +81,7 @@ class Patient(quantities.Parameters):
         effort_delay: Delay from phase and posture to the torque of the effort, in [s].
         effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
         name: Name of the person, kept when values are changed; None for a wearer without a name.
+        age: Age in years, which is compared with that of the healthy reference; None if it is not known.
     """
 
     mass: Annotated[quantities.Mass, MASSES] = 70.0
@@ -92,11 +94,12 @@ class Patient(quantities.Parameters):
     effort_delay: Annotated[quantities.Time, quantities.Range(0.0, 1.0, words="0 to 1 s")] = 0.1
     effort_noise: Annotated[quantities.Ratio, NOISES] = 0.0
     name: str | None = None
+    age: Annotated[quantities.Age | None, AGES] = None
 
     def __post_init__(self) -> None:
         """Check ranges, joints and the name."""
         super().__post_init__()
-        require(self.name is None or _is_plain(self.name), "name", PLAIN_NAME, self.name)
+        require(self.name is None or is_plain_name(self.name), "name", PLAIN_NAME, self.name)
         for side, joint in self.conditions:
             require(joint in WEARER_JOINTS, f"condition of the {side} {joint}", "a hip or a knee", joint)
 

@@ -83,7 +83,7 @@ def belt_carries_note(summary: Mapping[str, Any]) -> str:
 
 
 def extrapolation_note(summary: Mapping[str, Any]) -> str:
-    """Return sentences about the wearer if the model is extrapolated; otherwise an empty string.
+    """Return sentences if wearer or walk are outside of the range of the model; otherwise an empty string.
 
     ``summary``: summary of a run; those of earlier versions lack the notes.
     """

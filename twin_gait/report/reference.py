@@ -22,6 +22,33 @@ def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
     return (walking.speed, patient.height) if reference.reference_covers(walking.speed) else None
 
 
+def reference_notes(experiment: Experiment) -> list[str]:
+    """Return a sentence for each property of a walk for which the healthy reference is outside of its range.
+
+    An unknown age gives no sentence.
+    """
+    walking, patient, notes = experiment.scenario.walking, experiment.patient, list[str]()
+    if walking is None or patient is None:
+        return notes
+    if not reference.reference_covers(walking.speed):
+        shown, slowest, fastest = (
+            f"{reference.KILOMETRES_PER_HOUR * speed:.3g}"
+            for speed in (walking.speed, reference.SLOWEST, reference.FASTEST)
+        )
+        nearest = slowest if walking.speed < reference.SLOWEST else fastest
+        notes.append(
+            f"There is no healthy reference at {shown} km/h, because the regression of Koopman et al. (2014) "
+            f"covers {slowest} to {fastest} km/h: errors against healthy gait are missing, and effort of the "
+            f"wearer and position control use {nearest} km/h."
+        )
+    if patient.age is not None and not reference.YOUNGEST <= patient.age <= reference.OLDEST:
+        notes.append(
+            f"The healthy reference (Koopman et al. 2014) is that of people of {reference.YOUNGEST:.0f} to "
+            f"{reference.OLDEST:.0f} years; the wearer is {patient.age:g} years old."
+        )
+    return notes
+
+
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:
     """Return the reference angles of a joint for an experiment.
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -10,15 +9,15 @@ import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.machine import POSTURE
-from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, phases, strides, switching
 from twin_gait.measures.foot_contact import find_scuffs, swing_clearances
-from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
-from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
+from twin_gait.measures.strides import finite_mean
 from twin_gait.measures.walk import mean_stride
 from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.leg_strides import LegStrides, StrideValues
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -39,6 +38,11 @@ def reference_error(run: Run, cycles: np.ndarray, joint: JointName) -> float:
     if reference is None:
         return math.nan
     return math.degrees(strides.root_mean_square_error(cycles, reference))
+
+
+def stride_means(values: StrideValues) -> dict[str, float]:
+    """Return the means over strides by name."""
+    return {name: finite_mean(each) for name, each in values.items()}
 
 
 def _largest(values: np.ndarray) -> float:
@@ -63,23 +67,8 @@ def saturated_shares(legs: Sequence["MeasuredLeg"]) -> dict[str, float]:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredLeg:
+class MeasuredLeg(LegStrides):
     """Measures of one leg of a run by their names in a summary; NaN if not defined."""
-
-    run: Run
-    record: LegRecord
-    skip: int = SKIPPED_STRIDES  # number of strides at the start that are not counted
-
-    @cached_property
-    def log(self) -> LogColumns:
-        """Columns of the log of the run."""
-        return self.run.columns
-
-    @cached_property
-    def strides(self) -> np.ndarray:
-        """Bounds of the counted strides, see :meth:`LegRecord.strides`."""
-        return self.record.strides(skip=self.skip)
 
     def summary(self, measures: Mapping[str, float] | None = None) -> dict[str, Any]:
         """Return gait and effort, with ``measures`` of a walk on a belt; None or NaN if not defined."""
@@ -92,11 +81,6 @@ class MeasuredLeg:
             **self.own_gait_measures(),
         }
 
-    @property
-    def table(self) -> GaitTable:
-        """Gait table whose phases the leg has."""
-        return self.run.leg_table(self.record.side)
-
     def own_gait_measures(self) -> dict[str, Any]:
         """Return motion and effort of the joints that the wearer moves; empty if the wearer moves none.
 
@@ -106,17 +90,12 @@ class MeasuredLeg:
         for joint in self.record.angles:
             if joint in self.record.driven or patient is None:
                 continue
-            torque, velocity = self.column(joint, "own_torque_Nm"), self.wearer_joint_velocity(joint)
-            positive, negative = (
-                TICK * finite_mean(switching.span_sums(part, self.strides)) / patient.mass
-                for part in (np.maximum(torque * velocity, 0.0), np.minimum(torque * velocity, 0.0))
-            )
+            torque = self.column(joint, "own_torque_Nm")
             found[str(joint)] = {
-                **self.motion(joint),
+                **stride_means(self.motion(self.record.angles[joint])),
                 "torque_peak_Nm": _largest(np.abs(torque)),
                 "torque_rms_Nm": effort.root_mean_square(torque),
-                "positive_work_J_per_kg": positive,
-                "negative_work_J_per_kg": negative,
+                **stride_means(self.specific_work(torque * self.wearer_joint_velocity(joint), patient.mass)),
             }
         return {"own_gait": found} if found else {}
 
@@ -135,30 +114,6 @@ class MeasuredLeg:
             "timeouts": len(self.timeout_ticks()),
             "joints": {str(joint): self.effort(joint) for joint in self.record.driven},
         }
-
-    def column(self, joint: JointName, quantity: str) -> np.ndarray:
-        """Return the column of the log with a quantity of a joint at every tick."""
-        return np.asarray(self.log[f"{self.record.side}_{joint}_{quantity}"])
-
-    def wearer_joint_velocity(self, joint: JointName) -> np.ndarray:
-        """Return the velocity of the wearer's joint at every tick in [rad/s]."""
-        name = wearer_column(self.log, self.record.side, joint, "velocity_rad_per_s")
-        return np.asarray(self.log[name])
-
-    def reference_joint_angles(self) -> dict[JointName, np.ndarray]:
-        """Return the angles with a healthy reference [rad]: driven joints, and the wearer's ankle."""
-        log, angles = self.log, dict(self.record.angles)
-        ankle = wearer_column(log, self.record.side, JointName.ANKLE, "angle_rad")
-        return angles | ({JointName.ANKLE: np.asarray(log[ankle])} if ankle in log else {})
-
-    @cached_property
-    def cycles(self) -> dict[JointName, np.ndarray]:
-        """Angles of :meth:`reference_joint_angles` at every percent of the counted strides."""
-        return self._cycles(self.reference_joint_angles(), self.strides)
-
-    @staticmethod
-    def _cycles(angles: Mapping[JointName, np.ndarray], bounds: np.ndarray) -> dict[JointName, np.ndarray]:
-        return {joint: strides.normalise_strides(signal, bounds) for joint, signal in angles.items()}
 
     def error_parts(self) -> dict[str, Any]:
         """Return the parts of the errors of hip, knee and ankle; empty without a healthy reference."""
@@ -181,14 +136,14 @@ class MeasuredLeg:
         even = np.array([(span.start, span.stop) for span in record.steady_ticks], dtype=int).reshape(-1, 2)
         missed = np.isnan(lags) & strides.is_in_stride(contacts.heel_strikes, even)
         clearances = swing_clearances(record.clearance, contacts)
-        times = strides.stride_times(self.strides, TICK)
+        times, both = strides.stride_times(self.strides, TICK), self.double_support()
         return {
             "strides": len(record.strides(skip=0)),
             "strides_counted": len(self.strides),
             "stride_time_mean_s": finite_mean(times),
             "stride_time_variation": strides.coefficient_of_variation(times),
             "swing_share": finite_mean(strides.swing_shares(self.strides, contacts.toe_offs)),
-            "double_support_share": self.double_support_share(),
+            "double_support_share": math.nan if both is None else finite_mean(both),
             **self._reference_errors("contact", self.cycles),
             "early_stance_lag_mean_s": finite_mean(lags),
             "early_stance_lag_max_abs_s": _largest_magnitude(lags),
@@ -210,7 +165,7 @@ class MeasuredLeg:
             "strides_by_phase": len(record.strides_by_phase(skip=0)),
             "strides_by_phase_counted": len(counted),
             "stride_time_by_phase_mean_s": finite_mean(strides.stride_times(counted, TICK)),
-            **self._reference_errors("phase", self._cycles(record.angles, counted)),
+            **self._reference_errors("phase", self.normalise(record.angles, counted)),
             "phases_in_order": self.phases_in_order(),
             "phase_duration_mean_s": {
                 name: finite_mean(durations.get(index, np.zeros(0)))
@@ -242,13 +197,22 @@ class MeasuredLeg:
 
     def joint_measures(self, joint: JointName) -> dict[str, float]:
         """Return all measures of a driven joint."""
-        measures = (self.effort, self.work, self.torque_at_switches, self.energy_at_switches, self.jerk)
-        return {name: value for measured in measures for name, value in measured(joint).items()}
+        return {
+            **self.effort(joint),
+            **stride_means(self.power(joint)),
+            **self.torque_at_switches(joint),
+            **stride_means(self.switch_energy(joint)),
+            **self.jerk_rms(joint),
+            **stride_means(self.jerk(joint)),
+        }
 
     def effort(self, joint: JointName) -> dict[str, float]:
         """Return measures of the motion of a joint and of the effort of its motor."""
         actuator = self.run.experiment.plant.actuators[joint]
-        found = {**self.motion(joint), **effort.saturation_shares(self.saturation_cases[joint])}
+        found = {
+            **stride_means(self.motion(self.record.angles[joint])),
+            **effort.saturation_shares(self.saturation_cases[joint]),
+        }
         for quantity, unit, values, continuous in (
             ("torque", "Nm", self.column(joint, "motor_torque_Nm"), actuator.continuous_torque),
             ("current", "A", self.column(joint, "measured_current_A"), continuous_current(actuator)),
@@ -257,15 +221,6 @@ class MeasuredLeg:
             found[f"{quantity}_peak_{unit}"], found[f"{quantity}_rms_{unit}"] = _largest(np.abs(values)), rms
             found[f"{quantity}_continuous_share"] = rms / continuous
         return found
-
-    def motion(self, joint: JointName) -> dict[str, float]:
-        """Compute range, lowest and highest angle of a joint in [deg], as means over the counted strides."""
-        lowest, peak = np.degrees(strides.stride_extremes(self.record.angles[joint], self.strides)).T
-        return {
-            "range_of_motion_deg": finite_mean(peak - lowest),
-            "lowest_deg": finite_mean(lowest),
-            "peak_deg": finite_mean(peak),
-        }
 
     @cached_property
     def saturation_cases(self) -> dict[JointName, dict[str, np.ndarray]]:
@@ -279,29 +234,6 @@ class MeasuredLeg:
                 limits[joint],
             )
             for joint in self.record.driven
-        }
-
-    def double_support_share(self) -> float:
-        """Compute the share of the counted strides with both feet loaded; NaN for a single leg."""
-        record = self.record
-        other = next((item for item in self.run.leg_records() if item.side is not record.side), None)
-        if other is None or record.loaded is None or other.loaded is None:
-            return math.nan
-        return strides.double_support_share(record.loaded, other.loaded, self.strides)
-
-    def work(self, joint: JointName) -> dict[str, float]:
-        """Compute peak power [W] and work [J/kg of the wearer] of a motor, means over counted strides."""
-        patient = self.run.experiment.patient
-        mass = math.nan if patient is None else patient.mass
-        power = self.column(joint, "motor_torque_Nm") * self.column(joint, "velocity_rad_per_s")
-        positive, negative = (
-            TICK * finite_mean(switching.span_sums(part, self.strides)) / mass
-            for part in (np.maximum(power, 0.0), np.minimum(power, 0.0))
-        )
-        return {
-            "power_peak_W": finite_mean(strides.stride_extremes(power, self.strides)[:, 1]),
-            "positive_work_J_per_kg": positive,
-            "negative_work_J_per_kg": negative,
         }
 
     def torque_at_switches(self, joint: JointName) -> dict[str, float]:
@@ -322,23 +254,7 @@ class MeasuredLeg:
             "switch_torque_change_Nm": _largest(effort.changes_at_switches(command, ticks, lengths)),
         }
 
-    def energy_at_switches(self, joint: JointName) -> dict[str, float]:
-        """Compute the net energy that switches add to the virtual spring of a joint [J], mean over strides.
-
-        The spring is that of the gait table, even if a limit or another controller keeps the motor from
-        following it.
-        """
-        names = ("measured_angle_rad", "stiffness_Nm_per_rad", "equilibrium_rad")
-        energy = switching.switching_energy(*(self.column(joint, name) for name in names))
-        return {"switch_energy_J": finite_mean(switching.span_sums(energy, self.strides))}
-
-    def jerk(self, joint: JointName) -> dict[str, float]:
-        """Compute the jerk of a joint over the strides with :mod:`twin_gait.measures.switching`."""
-        velocity, bounds = self.wearer_joint_velocity(joint), self.strides
-        jerk = switching.joint_jerk(velocity, TICK)
-        ticks = (bounds[:, 1] - bounds[:, 0]).sum()
-        squared = switching.span_sums(jerk * jerk, bounds).sum()
-        return {
-            "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
-            "jerk_dimensionless": finite_mean(switching.dimensionless_jerk(velocity, jerk, bounds, TICK)),
-        }
+    def jerk_rms(self, joint: JointName) -> dict[str, float]:
+        """Compute the RMS of the jerk of a joint over the counted strides."""
+        jerk = switching.joint_jerk(self.wearer_joint_velocity(joint), TICK)
+        return {"jerk_rms_rad_per_s3": effort.root_mean_square(strides.values_in_strides(jerk, self.strides))}

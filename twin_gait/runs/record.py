@@ -30,6 +30,7 @@ from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.folders import FolderKind, journal_path, staged_directory
 from twin_gait.runs.stored_log import check_log
 from twin_gait.runs.stored_run import StoredRun
+from twin_gait.runs.stride_table import STRIDES_FILE, strides_csv
 from twin_gait.runs.summary import software_versions, summarise_run
 from twin_gait.runs.user_files import referenced_files, store_files
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -65,6 +66,7 @@ def write_run(
         run.switches, ("hip", "knee"), lambda *parts: run.log["_".join(parts)].to_numpy()
     )
     write_atomically(directory / SWITCHES_FILE, switches)
+    write_atomically(directory / STRIDES_FILE, strides_csv(run.strides))
     summary = summarise_run(run)
     if accuracy is not None:
         summary["accuracy"] = accuracy

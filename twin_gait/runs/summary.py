@@ -21,8 +21,9 @@ from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, normalise_strides, symmetry_index
 from twin_gait.report.formatting import describe
-from twin_gait.report.reference import reference_measures
+from twin_gait.report.reference import reference_measures, reference_notes
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error, saturated_shares
+from twin_gait.runs.stride_table import statistics_summary, stride_table
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -53,6 +54,7 @@ def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str,
     walk = run.walk_measures(skip=skip_strides)
     legs = [MeasuredLeg(run, record, skip_strides) for record in run.leg_records()]
     sides = {str(leg.record.side): leg.summary(walk.get(leg.record.side)) for leg in legs}
+    table = run.strides if skip_strides == SKIPPED_STRIDES else stride_table(run, skip_strides=skip_strides)
     refused = [answer.text for answer in run.request_results if answer.rejection]
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
@@ -70,6 +72,7 @@ def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str,
         "fell": run.status is RunStatus.FELL,
         "strides_skipped": skip_strides,
         "sides": sides,
+        "stride_statistics": statistics_summary(table),
         **_walk_summary(run, walk, skip_strides),
         "symmetry": _symmetry_indices(sides),
         **saturated_shares(legs),
@@ -96,7 +99,8 @@ def describe_identity(experiment: Experiment) -> dict[str, Any]:
     if patient is not None:
         wearer = {**asdict(identify_wearer(patient)), "mass_kg": patient.mass, "height_m": patient.height}
         wearer["name"] = patient.name
-        wearer["notes"] = " ".join(wearer_notes(patient, experiment.leg.heaviest_wearer))
+        notes = wearer_notes(patient, experiment.leg.heaviest_wearer)
+        wearer["notes"] = " ".join([*notes, *reference_notes(experiment)])
     parts = {key: asdict(part) for key, part in identify_parts(experiment).items()}
     if controller is not None:
         parts["controller"] |= controller.summary

@@ -19,6 +19,7 @@ from twin_gait.control.safety import Trip
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.ground_strides import WalkConditions
 from twin_gait.measures.leg_record import (
     WHOLE_RUN,
     LegRecord,
@@ -29,7 +30,7 @@ from twin_gait.measures.leg_record import (
 )
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, judge_gait
 from twin_gait.measures.strides import SKIPPED_STRIDES
-from twin_gait.measures.walk import WalkConditions, walk_measures, walk_power
+from twin_gait.measures.walk import walk_measures, walk_power
 from twin_gait.simulation.log import LogArrays, LogLayout
 from twin_gait.simulation.request_results import RequestResult, request_result
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
@@ -95,8 +96,8 @@ class _Log:
 class Run:
     """Result of a finished simulation.
 
-    ``save`` and ``plot`` call functions of the public namespace, which are looked up at each call, because
-    the simulation itself writes no files and draws no figures.
+    ``save``, ``plot`` and ``strides`` call functions of the public namespace, which are looked up at each
+    call, because the simulation itself writes no files, draws no figures and has no reference gait.
     """
 
     experiment: Experiment  # Experiment that was run.
@@ -135,6 +136,11 @@ class Run:
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory and return its path; see :func:`twin_gait.save_run`."""
         return twin_gait.save_run(self, folder, force=force)
+
+    @cached_property
+    def strides(self) -> pd.DataFrame:
+        """Table with one row for each stride and side; see :func:`twin_gait.stride_table`."""
+        return twin_gait.stride_table(self)
 
     def plot(self, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
         """Draw a figure of the run; see :func:`twin_gait.plot_run`."""

@@ -7,10 +7,10 @@ import pandas as pd
 
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, strides
-from twin_gait.measures.leg_record import LogColumns
+from twin_gait.measures.ground_strides import ground_speeds
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
-from twin_gait.measures.walk import counted_step_times, ground_speed, wearer_powers
+from twin_gait.measures.walk import wearer_powers
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import MeasuredLeg, continuous_current
 from twin_gait.simulation.run import Run
@@ -56,14 +56,13 @@ def _means(rows: pd.DataFrame) -> Measures:
 
 
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
-    record, other_record = leg.record, other.record
-    assert record.loaded is not None and other_record.loaded is not None  # a run on the ground has loads
     known, times = leg.contact_measures(), strides.stride_times(leg.strides, TICK)
-    speed = ground_speed(leg.log, leg.strides, TICK)
+    assert other.record.contacts is not None  # a run on the ground has contacts
+    steps = strides.step_times(leg.strides, other.record.contacts.heel_strikes, TICK)
     return {
         "stride_time_s": known["stride_time_mean_s"],
-        "stride_length_m": strides.finite_mean(speed * times),
-        "step_time_s": strides.finite_mean(counted_step_times(record, other_record, leg.strides)),
+        "stride_length_m": strides.finite_mean(ground_speeds(leg.log, leg.strides, TICK) * times),
+        "step_time_s": strides.finite_mean(steps),
         "double_support_share": known["double_support_share"],
         "toe_clearance_m": known["toe_clearance_min_m"],
     }
@@ -71,14 +70,14 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
 
 def _shape(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Compute range of motion, deviation from healthy gait, and smoothness."""
-    cycles = np.degrees(strides.normalise_strides(leg.record.angles[joint], leg.strides))
+    cycles, motion = np.degrees(leg.cycles[joint]), leg.motion(leg.record.angles[joint])
     reference = reference_cycle(leg.run.experiment, joint)
     koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
-        "range_of_motion_deg": leg.motion(joint)["range_of_motion_deg"],
+        "range_of_motion_deg": strides.finite_mean(motion["range_of_motion_deg"]),
         "gvs_koopman_deg": koopman,
         # The logarithm follows Balasubramanian et al. (2015); a value closer to 0 is smoother.
-        "smoothness": -math.log(leg.jerk(joint)["jerk_dimensionless"]),
+        "smoothness": -math.log(strides.finite_mean(leg.jerk(joint)["jerk_dimensionless"])),
     }
 
 
@@ -86,12 +85,10 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Compute torques, work and current of a joint over the counted strides."""
     run, side = leg.run, leg.record.side
     actuator = run.experiment.plant.actuators[joint]
-    # A torque on the wearer works on the wearer's motion, which with braces differs from the device's motion.
-    device, velocity, voluntary, flowing = (
+    device, voluntary, flowing = (
         strides.values_in_strides(values, leg.strides)
         for values in (
-            _device_torque(leg.log, f"{side}_{joint}", actuator.armature),
-            leg.wearer_joint_velocity(joint),
+            leg.device_torque(joint),
             leg.column(joint, "voluntary_torque_Nm"),
             leg.column(joint, "measured_current_A"),
         )
@@ -102,24 +99,11 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
         "interaction_rms_Nm": effort.root_mean_square(device),
         "effort_rms_Nm": effort.root_mean_square(voluntary),
         "opposing_rms_Nm": effort.root_mean_square(effort.opposing_torque(device, voluntary)),
-        "device_work_J": effort.positive_work(device, velocity, TICK),
-        "wearer_work_J": effort.positive_work(voluntary, velocity, TICK),
+        **{name: float(values.sum()) for name, values in leg.work(joint).items()},
         "assistance_level": assistance_level(run, side, joint, half_way),
         "current_rms_A": current,
         "current_rms_share": current / continuous_current(actuator),
     }
-
-
-def _device_torque(log: LogColumns, name: str, rotor_inertia: float) -> np.ndarray:
-    """Return the torque of the device on the wearer.
-
-    With braces, it is the torque of the brace; otherwise the torque of the motor behind the gear.
-    """
-    if f"{name}_brace_torque_Nm" in log:
-        return np.asarray(log[f"{name}_brace_torque_Nm"])
-    columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
-    motor, friction, velocity = (np.asarray(log[f"{name}_{column}"]) for column in columns)
-    return effort.interaction_torque(motor, friction, velocity, rotor_inertia, TICK)
 
 
 def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
@@ -171,5 +155,5 @@ def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame, by_drive: 
         "current_rms_share": by_drive["current_rms_share"].max(),
         "battery_power_W": power,
         "battery_life_h": effort.battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
-        "energy_per_metre_J": power / ground_speed(log, np.array([[0, len(log)]]), TICK),
+        "energy_per_metre_J": power / float(ground_speeds(log, np.array([[0, len(log)]]), TICK)[0]),
     }

@@ -21,7 +21,7 @@ import numpy as np
 
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square, share_of_ticks
-from twin_gait.measures.strides import normalise_strides, symmetry_index
+from twin_gait.measures.strides import finite_mean, normalise_strides, symmetry_index
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
@@ -124,10 +124,14 @@ def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]
     """Compute the largest absolute symmetry index in [%] of the swing share and the ranges of the joints."""
     common = [joint for joint in legs[0].record.angles if all(joint in leg.record.angles for leg in legs)]
     left, right = (
-        [contact["swing_share"], *(leg.motion(joint)["range_of_motion_deg"] for joint in common)]
+        [contact["swing_share"], *(_range_of_motion(leg, joint) for joint in common)]
         for leg, contact in zip(legs, contacts, strict=True)
     )
     return 100.0 * float(np.max([abs(symmetry_index(*pair)) for pair in zip(left, right, strict=True)]))
+
+
+def _range_of_motion(leg: MeasuredLeg, joint: JointName) -> float:
+    return finite_mean(leg.motion(leg.record.angles[joint])["range_of_motion_deg"])
 
 
 def _free_trunk_values(run: Run) -> dict[str, float]:

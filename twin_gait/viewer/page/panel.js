@@ -21,6 +21,7 @@
     ["impedance_control", "Impedance control", ["stiffness", "equilibrium", "damping"]],
   ];
   const FINISHED = ["held", "fell", "diverged", "ended", "died"]; // states that only a restart can leave
+  const REPORTABLE = ["held", "fell", "diverged", "paused"]; // states in which the report of the session is offered
   const WITHOUT_PROCESS = ["ended", "died"]; // states without a process of the simulation
   const UNAVAILABLE = ["connecting", "offline", ...WITHOUT_PROCESS]; // states in which nothing can be changed
   // Parts of the page that change something, without the emergency stop.
@@ -144,7 +145,7 @@
   const NO_REPLY = { response: "refused", text: "no reply from the simulation" };
 
   function receive(message) {
-    if (message.kind === "page") log.open(message.session);
+    if (message.kind === "page") { log.open(message.session); head.reports = message.report; }
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
     else if (message.kind === "state") board.update(message);
     else if (message.kind === "frame") head.frame(message);
@@ -162,6 +163,7 @@
   const head = {
     status: "connecting",
     events: 0, // number of faults, trips and falls of the walk
+    reports: false, // whether the session has a report
 
     // Show the state, with the cause and the joint of a trip, which follow the colon of its text.
     set_state(status, events = []) {
@@ -184,6 +186,7 @@
         clearTimeout(this.timer);
       }
       for (const id of CHANGING) get(id).inert = shown === "no_data" || UNAVAILABLE.includes(status);
+      get("session-report").hidden = !this.reports || !REPORTABLE.includes(shown);
       get("panel-state").dataset.state = shown;
       get("panel-state").querySelector("span").textContent =
         shown === "walking" && board.mode ? "Running" : (STATES[shown] ?? title(shown)) + (shown === status ? cause : "");
@@ -882,6 +885,7 @@
   // ---- start ----------------------------------------------------------------------------------------
 
   tabs.build();
+  get("session-report").href = `report${location.search}`;
   get("stop").onclick = () => stopping.press();
   // The key is handled before all other handlers of the page, independently of the focus.
   window.addEventListener("keydown", (event) => {

@@ -1,0 +1,96 @@
+"""Table of strides of a run: one row for each stride and side; the content of ``strides.csv``."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.experiment.events import Change
+from twin_gait.files import to_json_value
+from twin_gait.measures.strides import SKIPPED_STRIDES
+from twin_gait.runs.leg_strides import LegStrides
+from twin_gait.simulation.run import Run
+from twin_gait.yaml12 import load_yaml
+
+STRIDES_FILE = "strides.csv"
+# Columns that identify a row; all other columns are quantities.
+IDENTITY = ("side", "stride", "condition", "settled", "start_s")
+STATISTICS = ("mean", "sd", "n", "median")
+# Ends of the names of the log columns that the table reads in addition to those of a summary of many runs.
+STRIDE_LOG_COLUMNS = (
+    "_measured_angle_rad", "_equilibrium_rad", "_stiffness_Nm_per_rad", "_friction_torque_Nm",
+    "_brace_torque_Nm", "_wearer_velocity_rad_per_s",
+)  # fmt: skip
+
+
+@cache
+def column_meanings() -> dict[str, dict[str, str]]:
+    """Return the meaning of every column by the object to which it belongs, and by its name."""
+    text = Path(__file__).with_name("stride_columns.yaml").read_text(encoding="utf-8")
+    found: dict[str, dict[str, str]] = load_yaml(text)
+    return found
+
+
+def stride_table(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> pd.DataFrame:
+    """Compute the table of strides of a run.
+
+    ``skip_strides``: number of strides at the start of each condition that are marked as not settled. Returns
+    one row for each stride in even walking, of one side after the other; units are in the names of the
+    columns. A quantity that the experiment does not define has no column, one that a stride does not define
+    is NaN.
+    """
+    legs = [LegStrides(run, record, skip=0) for record in run.leg_records()]
+    changes = np.array(
+        [event.tick for event in run.experiment.events if isinstance(event, Change)], dtype=int
+    )
+    # A condition counts from the first one in which a leg begins a stride.
+    spans = np.unique(np.concatenate([_changes_before(changes, leg.strides[:, 0]) for leg in legs]))
+    tables = []
+    for leg in legs:
+        first, end = leg.strides.T
+        span = _changes_before(changes, first)
+        place = np.arange(len(span)) - span.searchsorted(span)  # place of the stride in its condition, from 0
+        identity = {
+            "side": str(leg.record.side),
+            "stride": np.arange(1, len(span) + 1),
+            "condition": spans.searchsorted(span) + 1,
+            "settled": (place >= skip_strides) & (_changes_before(changes, end - 1) == span),
+        }
+        tables.append(pd.DataFrame({**identity, **leg.all_values()}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _changes_before(changes: np.ndarray, ticks: np.ndarray) -> np.ndarray:
+    """Count the changes of parameters up to each tick; ``changes``: their ticks in ascending order."""
+    return np.asarray(changes.searchsorted(ticks, side="right"))
+
+
+def stride_statistics(table: pd.DataFrame) -> pd.DataFrame:
+    """Compute mean, sample standard deviation, number and median over the settled strides.
+
+    ``table`` from :func:`stride_table`. Returns one row for each condition, side and quantity with the
+    columns of ``STATISTICS``, indexed by ``condition``, ``side`` and ``measure``.
+    """
+    settled = table[table["settled"]]
+    values = settled.drop(columns=[name for name in ("stride", "settled", "start_s") if name in settled])
+    found = values.melt(["condition", "side"], var_name="measure").groupby(
+        ["condition", "side", "measure"], sort=False
+    )["value"]
+    return found.agg(mean="mean", sd="std", n="count", median="median")
+
+
+def statistics_summary(table: pd.DataFrame) -> dict[str, Any]:
+    """Return :func:`stride_statistics` as nested mappings of plain values: condition, side and quantity."""
+    nested: dict[str, dict[str, dict[str, Any]]] = {}
+    for (condition, side, measure), row in stride_statistics(table).iterrows():  # type: ignore[misc]
+        by_side = nested.setdefault(str(condition), {}).setdefault(str(side), {})
+        by_side[str(measure)] = {**row.to_dict(), "n": int(row["n"])}
+    found: dict[str, Any] = to_json_value(nested)
+    return found
+
+
+def strides_csv(table: pd.DataFrame) -> str:
+    """Return a table of strides as CSV with all digits."""
+    return table.to_csv(index=False, lineterminator="\n")
