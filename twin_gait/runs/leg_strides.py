@@ -192,13 +192,14 @@ class LegStrides:
 
         Either is left out if the joint has no drive or the log no torque of muscles.
         """
+        velocity, driven = self.wearer_joint_velocity(joint), joint in self.record.driven
         names = [f"{self.record.side}_{joint}_{source}_torque_Nm" for source in ("voluntary", OWN_GAIT)]
         torques = [np.asarray(self.log[name]) for name in names if name in self.log]
-        sources = {"device_work_J": self.device_torque(joint)} if joint in self.record.driven else {}
-        if torques:
-            sources["wearer_work_J"] = np.sum(torques, axis=0)
+        sources = {"device_work_J": self.device_torque(joint)} if driven else {}
+        if torques or driven:  # a log of a batch has no column for a torque that is zero
+            sources["wearer_work_J"] = np.sum([np.zeros(len(velocity)), *torques], axis=0)
         return {
-            name: TICK * strides.stride_sums(np.maximum(torque * self.wearer_joint_velocity(joint), 0.0),
+            name: TICK * strides.stride_sums(np.maximum(torque * velocity, 0.0),
                                              self.strides)
             for name, torque in sources.items()
         }  # fmt: skip

@@ -1,5 +1,6 @@
 """Table of strides of a run: one row for each stride and side; the content of ``strides.csv``."""
 
+import io
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.events import Change
-from twin_gait.files import to_json_value
+from twin_gait.files import MOST_TEXT, read_text, to_json_value
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.runs.leg_strides import LegStrides
 from twin_gait.simulation.run import Run
@@ -89,6 +91,36 @@ def statistics_summary(table: pd.DataFrame) -> dict[str, Any]:
         by_side[str(measure)] = {**row.to_dict(), "n": int(row["n"])}
     found: dict[str, Any] = to_json_value(nested)
     return found
+
+
+def read_strides(folder: Path) -> pd.DataFrame:
+    """Read the table of strides of a run directory, or of another folder that has one.
+
+    Raises RunDirectoryError if there is no such file, a column that every table has is missing, or a value is
+    not a number.
+    """
+    path = folder.expanduser() / STRIDES_FILE
+    if not path.is_file():
+        experiment = path.with_name("experiment.yaml")
+        again = f"; run it again: twin-gait simulate {experiment}" if experiment.is_file() else ""
+        raise RunDirectoryError(f"{path}: there is no such file; expected a folder with strides{again}")
+    try:
+        table = pd.read_csv(io.StringIO(read_text(path, MOST_TEXT)))
+    except (OSError, ValueError) as error:
+        raise RunDirectoryError(f"{path}: cannot be read ({' '.join(str(error).split())})") from error
+    missing = [name for name in (*IDENTITY, "stride_time_s") if name not in table]
+    if missing:
+        raise RunDirectoryError(f"{path}: {missing[0]}: there is no such column; expected a table of strides")
+    if table.empty:
+        return table.astype({"settled": bool})
+    wrong = [name for name in table if name != "side" and table[name].dtype.kind not in "bif"]
+    if wrong or table["settled"].dtype.kind != "b":
+        name = (wrong or ["settled"])[0]
+        expected = "True or False" if name == "settled" else "numbers"
+        raise RunDirectoryError(
+            f"{path}: {name}: expected {expected}, got {str(table[name].iloc[:1].squeeze())[:40]!r}"
+        )
+    return table
 
 
 def strides_csv(table: pd.DataFrame) -> str:
