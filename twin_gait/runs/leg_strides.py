@@ -214,7 +214,8 @@ class LegStrides:
             return np.asarray(self.log[brace])
         columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
         inertia = self.run.experiment.plant.actuators[joint].armature
-        return effort.interaction_torque(*(self.column(joint, name) for name in columns), inertia, TICK)
+        motor, friction, velocity = (self.column(joint, name) for name in columns)
+        return effort.interaction_torque(motor, friction, velocity, inertia, TICK)
 
     def switch_energy(self, joint: JointName) -> StrideValues:
         """Compute the net energy that switches add to the virtual spring of a joint in [J].

@@ -76,19 +76,19 @@ def stride_statistics(table: pd.DataFrame) -> pd.DataFrame:
     columns of ``STATISTICS``, indexed by ``condition``, ``side`` and ``measure``.
     """
     settled = table[table["settled"]]
-    values = settled.drop(columns=[name for name in ("stride", "settled", "start_s") if name in settled])
-    found = values.melt(["condition", "side"], var_name="measure").groupby(
-        ["condition", "side", "measure"], sort=False
-    )["value"]
-    return found.agg(mean="mean", sd="std", n="count", median="median")
+    others = [name for name in ("stride", "settled", "start_s") if name in settled]
+    values = settled.drop(columns=others).melt(["condition", "side"], var_name="measure")
+    groups = values.groupby(["condition", "side", "measure"], sort=False)["value"]
+    found = {"mean": groups.mean(), "sd": groups.std(), "n": groups.count(), "median": groups.median()}
+    return pd.DataFrame(found)
 
 
 def statistics_summary(table: pd.DataFrame) -> dict[str, Any]:
     """Return :func:`stride_statistics` as nested mappings of plain values: condition, side and quantity."""
     nested: dict[str, dict[str, dict[str, Any]]] = {}
-    for (condition, side, measure), row in stride_statistics(table).iterrows():  # type: ignore[misc]
-        by_side = nested.setdefault(str(condition), {}).setdefault(str(side), {})
-        by_side[str(measure)] = {**row.to_dict(), "n": int(row["n"])}
+    for row in stride_statistics(table).reset_index().to_dict("records"):
+        condition, side, measure = (str(row.pop(name)) for name in ("condition", "side", "measure"))
+        nested.setdefault(condition, {}).setdefault(side, {})[measure] = row
     found: dict[str, Any] = to_json_value(nested)
     return found
 
