@@ -24,6 +24,7 @@ from twin_gait.report.pages import render
 from twin_gait.runs.folders import staged_directory
 from twin_gait.runs.summary import software_versions
 from twin_gait.studies.compare import conditions as compared
+from twin_gait.studies.compare.comparison import CONFIDENCE
 from twin_gait.studies.compare.conditions import Condition
 from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, PICTURE, SUMMARY_FILE
 from twin_gait.vocabulary import JointName
@@ -52,7 +53,7 @@ def write_conditions(
     table = difference_table(found)
     summary = {
         "conditions": {item.name: item.table.groupby("side").size().to_dict() for item in found},
-        "confidence": compared.CONFIDENCE,
+        "confidence": CONFIDENCE,
         "curves": "spm1d" if compared.has_spm1d() else "bootstrap",
         "spans": [{**row, "spans_percent": spans} for row, spans in _spans(found)],
         "versions": software_versions(),
@@ -147,7 +148,7 @@ def heads(rows: pd.DataFrame) -> list[str]:
 
 def format_conditions(table: pd.DataFrame) -> list[str]:
     """Return the differences of the main measures as lines for a terminal."""
-    lines = []
+    lines = list[str]()
     shown = table[table["measure"].str.endswith(MAIN_MEASURES)]
     for _, rows in shown.groupby("second", sort=False):
         lines += format_table([heads(rows), *([text for text, _ in cells] for cells in format_rows(rows))])
