@@ -90,7 +90,7 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    """Compare controllers on one wearer, or the strides of runs.
+    """Compare controllers, or the strides of runs.
 
     Simulate one wearer on the ground with several controllers; or compare the strides of run directories,
     or of the conditions of one session. Write a folder with an HTML page, its figure, and the numbers as CSV
