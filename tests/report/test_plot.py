@@ -6,10 +6,11 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from errors import raises, states
-from synthetic_run import synthetic_run
+from synthetic_run import LAG, LENGTH, STRIDE, synthetic_run
 
 import twin_gait
 from twin_gait import load_experiment, load_run, plot_run, save_run, simulate, summarise_run
@@ -210,3 +211,25 @@ def test_a_run_is_one_line_in_a_notebook(walk):
 def test_the_public_names_have_docstrings():
     for name in ("save_run", "load_run", "plot_run", "summarise_run"):
         assert name in twin_gait.__all__ and getattr(twin_gait, name).__doc__
+
+
+def test_band_of_the_gait_cycle_is_mean_and_sd() -> None:
+    run = synthetic_run()
+    stride = (np.arange(LENGTH) - LAG) // STRIDE
+    shift = np.where(stride < 2, 0.0, np.radians(2.0) * stride)  # of the settled strides from the third on
+    run.log["left_knee_angle_rad"] += shift
+    figure = plot_run(run)
+    (panel,) = [axes for axes in figure.axes if axes.get_title().startswith("left knee")]
+    (band,) = [item for item in panel.collections if item.get_label() == "mean ± SD over strides"]
+    at_half = band.get_paths()[0].vertices[np.isclose(band.get_paths()[0].vertices[:, 0], 50.0), 1]
+    count = len(run.leg_record(Side.LEFT).strides())
+    deviation = 2.0 * np.std(np.arange(count), ddof=1)
+    assert count >= 2 and np.ptp(at_half) == pytest.approx(2.0 * deviation, rel=1e-9)
+
+
+def test_legend_of_the_gait_cycle_names_only_phases_that_are_drawn() -> None:
+    run = simulate(load_experiment("treadmill_start_stop").experiment)
+    assert "stand" in set(run.log["left_phase"])
+    (legend,) = plot_run(run).legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert "early stance" in texts and "stand" not in texts and "first swing" not in texts

@@ -489,3 +489,26 @@ def test_a_hatched_cell_has_episodes_of_which_none_walked():
     assert (
         figure.get_suptitle() == "title: m [W]\nhatched: none walked, or none has a value, blank: no episode"
     )
+
+
+def test_strides_of_all_episodes_are_one_table_also_after_a_resumption(tmp_path: Path) -> None:
+    values = {HIP: [10.0, 20.0]}
+    document = {"experiment": "bench_leg", "settings": {"duration_s": 5.0}, "method": "grid", "strides": True}
+    sweep = sweep_from_mapping({**document, "parameters": values}, "here", tmp_path)
+    done = [0]
+
+    def progress(number: int, total: int) -> None:
+        done.append(number)
+
+    stopped = run_sweep(
+        sweep, tmp_path / "out", pictures=False, progress=progress, should_stop=lambda: done[-1] > 0
+    )
+    assert len(stopped.table) == 1 == pd.read_csv(tmp_path / "out" / "strides.csv")["episode"].nunique()
+    run_sweep(sweep, tmp_path / "out", pictures=False)
+    table = pd.read_csv(tmp_path / "out" / "strides.csv")
+    assert table["episode"].unique().tolist() == [0, 1] and not (tmp_path / "out" / "strides_parts").exists()
+    for episode, hip in enumerate(values[HIP]):
+        run = simulate(load_experiment("bench_leg", ["duration_s=5", f"{HIP}={hip}"]).experiment)
+        rows = table[table["episode"] == episode].reset_index(drop=True)
+        assert len(rows) > 0 and (rows[HIP] == hip).all()
+        pd.testing.assert_frame_equal(rows[list(run.strides)], run.strides, rtol=1e-12, check_dtype=False)

@@ -9,6 +9,7 @@ from typing import Any
 
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
+from twin_gait.exceptions import ParameterError
 from twin_gait.runs.folders import check_target
 
 # [s], duration of each run of a comparison; assistance that adapts with each stride settles in 20 strides.
@@ -29,6 +30,8 @@ def add_parser(commands: Any) -> None:
 
     parser = options.add_command(commands, "compare", compare)
     options.add_experiment(parser, seconds=f"{COMPARE_DURATION:g}")
+    text = "further folders with strides.csv: compares the strides of the first one and of these"
+    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER", help=text)
     text = f"names of controllers, separated by commas (all of {NAMES} that suit the experiment)"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
     parser.add_argument(
@@ -87,13 +90,18 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    """Compare controllers on one wearer in a report.
+    """Compare controllers, or the strides of runs.
 
-    Simulate one wearer on the ground with several controllers, and write a folder with an HTML page, its
-    figure, and the numbers as CSV and JSON.
+    Simulate one wearer on the ground with several controllers; or compare the strides of run directories,
+    or of the conditions of one session. Write a folder with an HTML page, its figure, and the numbers as CSV
+    and JSON.
     """
+    from twin_gait.runs.stride_table import STRIDES_FILE
     from twin_gait.studies.compare import comparison, writing
 
+    first = Path(arguments.experiment).expanduser()
+    if arguments.folders or (first / STRIDES_FILE).is_file():
+        return _compare_conditions(arguments, [first, *arguments.folders])
     names = [name.strip() for name in (arguments.controllers or "").split(",") if name.strip()]
     controllers = list(comparison.find_controllers(names or list(comparison.CONTROLLERS)))
     experiment = options.load_experiment(arguments, f"duration_s={COMPARE_DURATION:g}").experiment
@@ -110,6 +118,24 @@ def compare(arguments: argparse.Namespace) -> int:
     writing.write_comparison(result, wearer, out, force=arguments.force)
     lines = [*writing.format_comparison(result), str(out / writing.PAGE_FILE)]
     terminal.answer(arguments, lines, {**writing.comparison_summary(result, wearer), "directory": out})
+    return DONE
+
+
+def _compare_conditions(arguments: argparse.Namespace, folders: list[Path]) -> int:
+    """Compare the settled strides of folders."""
+    from twin_gait.studies.compare import condition_page, conditions, writing
+
+    changed = [arguments.controllers, arguments.controller, *arguments.settings, arguments.seeds - 1]
+    if any(changed):
+        text = "options that change an experiment apply to controllers only; leave them out"
+        raise ParameterError(f"compare {folders[0]}: {text}")
+    out: Path = arguments.out or COMPARISONS / "-".join(folder.absolute().name for folder in folders)
+    check_target(out, writing.COMPARISON, force=arguments.force)
+    found = conditions.read_conditions(folders)
+    table, summary = condition_page.write_conditions(found, out, force=arguments.force)
+    lines = [*condition_page.format_conditions(table), str(out / writing.PAGE_FILE)]
+    differences = table.to_dict("records")
+    terminal.answer(arguments, lines, {**summary, "differences": differences, "directory": out})
     return DONE
 
 

@@ -143,11 +143,12 @@ def interaction_torque(
     r"""Compute the torque of the device on the leg at one joint.
 
     ``motor``: motor torque at the joint in [N·m], one value a tick; ``friction``: torque of the friction on
-    the joint in [N·m]; ``velocity`` of the joint in [rad/s], n at least 2; ``rotor_inertia``: inertia of
+    the joint in [N·m]; ``velocity`` of the joint in [rad/s]; ``rotor_inertia``: inertia of
     motor and gear seen at the joint in [kg·m²]. Returns the torque in [N·m], positive in increasing angle;
-    the acceleration is a central difference.
+    the acceleration is a central difference, 0 in a record of one tick.
     """
-    return np.asarray(motor + friction - rotor_inertia * np.gradient(velocity, tick))
+    acceleration = np.gradient(velocity, tick) if len(velocity) > 1 else np.zeros(len(velocity))
+    return np.asarray(motor + friction - rotor_inertia * acceleration)
 
 
 def root_mean_square(values: np.ndarray) -> float:

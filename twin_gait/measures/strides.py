@@ -108,7 +108,7 @@ def stride_sums(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 def stride_means(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Compute the mean of a signal over each stride, in the unit of the signal, shape ``(n_strides,)``."""
-    return stride_sums(signal, bounds) / (bounds[:, 1] - bounds[:, 0])
+    return np.asarray(stride_sums(signal, bounds) / (bounds[:, 1] - bounds[:, 0]))
 
 
 def mean(values: np.ndarray) -> float:
@@ -228,12 +228,12 @@ def cadences(stride_times: np.ndarray) -> np.ndarray:
 
     ``stride_times`` in [s], shape ``(n,)``. Returns the cadences in steps a minute, in the same shape.
     """
-    return 2.0 * SECONDS_PER_MINUTE / stride_times
+    return np.asarray(2.0 * SECONDS_PER_MINUTE / stride_times)
 
 
 def cadence(stride_times: np.ndarray) -> float:
     """Compute the cadence of strides from their mean duration in [s]; NaN without strides or if it is 0."""
-    return float(cadences(np.float64(finite_mean(stride_times) or math.nan)))
+    return float(cadences(np.array(finite_mean(stride_times) or math.nan)))
 
 
 def step_times(bounds: np.ndarray, other_strikes: np.ndarray, tick: float) -> np.ndarray:

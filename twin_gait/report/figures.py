@@ -41,7 +41,7 @@ NARROWEST, WIDEST = 60.0, 270.0  # [mm]
 INCH = 25.4  # [mm]
 _ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] height of a row of panels, of their margin, of a legend row
 _THINNER = 0.55  # width of lines in print over their width on a screen
-_PRINT: dict[Any, float] = {
+PRINT_SETTINGS: dict[Any, float] = {
     "font.size": 7.0,  # [pt]; journals require 6 or more
     "axes.linewidth": 0.5,
     **{f"{axis}tick.major.{item}": 2.0 for axis in "xy" for item in ("size", "pad")},
@@ -83,7 +83,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
     if width_mm is not None and not NARROWEST <= width_mm <= WIDEST:
         raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width_mm:g}")
     width = SCREEN_WIDTH if width_mm is None else width_mm / INCH
-    with standard_settings(None if width_mm is None else _PRINT):
+    with standard_settings(None if width_mm is None else PRINT_SETTINGS):
         drawn = FIGURES[figure](run, width=width) if len(run.log) > 1 else None
         if drawn is None:
             known = ", ".join(screen_figures(run)) or "none"

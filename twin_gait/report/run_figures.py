@@ -58,20 +58,19 @@ _FORCE_PANELS = (
 
 
 def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw the mean cycle of every joint with its range and the reference; return None without strides."""
+    """Draw the mean cycle of every joint with its SD and the reference; return None without strides."""
     if not canvas.has_cycles(run):
         return None
     records = run.leg_records()
     entry = f"entry into {name_to_words(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
-    sheet = RunFigure(run, f"Gait cycle from {beginning}", (width, 7.5))
+    sheet, drawn = RunFigure(run, f"Gait cycle from {beginning}", (width, 7.5)), list[np.ndarray]()
     for axes, record, joint in sheet.leg_panels(FLEXION, timed=False):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
-        canvas.shade_phases(
-            axes, PERCENT, usual_phases(sheet.phase_codes(record), bounds, len(sheet.names)), sheet.names
-        )
-        _draw_mean_and_range(sheet, axes, np.degrees(cycles))
+        drawn.append(usual_phases(sheet.phase_codes(record), bounds, len(sheet.names)))
+        canvas.shade_phases(axes, PERCENT, drawn[-1], sheet.names)
+        _draw_mean_and_sd(sheet, axes, np.degrees(cycles))
         title = f"{record.side} {joint}, {describe_stride_count(len(bounds), len(record.strides(skip=0)))}"
         reference = reference_cycle(run.experiment, joint)
         if reference is not None:
@@ -82,16 +81,17 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
             title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
         axes.set_title(title, fontsize="medium")
         axes.label_outer()
-    return sheet.finish([sheet.phase_codes(item) for item in records])
+    return sheet.finish(drawn)
 
 
-def _draw_mean_and_range(sheet: RunFigure, axes: Axes, cycles: np.ndarray) -> None:
-    """Draw mean and range over strides; ``cycles``: shape ``(n_strides, 101)``."""
-    low, high = cycles.min(axis=0), cycles.max(axis=0)
-    label = "range over strides"
-    spread = axes.fill_between(PERCENT, low, high, color=BLACK, alpha=0.25, linewidth=0, label=label)
-    mean = draw_cycle_curve(axes, cycles.mean(axis=0), color=BLACK, linewidth=1.8, label="mean over strides")
-    sheet.lines += [*mean, spread]
+def _draw_mean_and_sd(sheet: RunFigure, axes: Axes, cycles: np.ndarray) -> None:
+    """Draw the mean over strides, and mean ± SD for two strides or more; ``cycles``: shape ``(n, 101)``."""
+    mean, label = cycles.mean(axis=0), "mean over strides" if len(cycles) > 1 else "one stride"
+    sheet.lines += draw_cycle_curve(axes, mean, color=BLACK, linewidth=1.8, label=label)
+    if len(cycles) > 1:
+        spread, label = cycles.std(axis=0, ddof=1), "mean ± SD over strides"
+        band: dict[str, Any] = {"color": BLACK, "alpha": 0.25, "linewidth": 0, "label": label}
+        sheet.lines.append(axes.fill_between(PERCENT, mean - spread, mean + spread, **band))
 
 
 def _draw_reference(sheet: RunFigure, axes: Axes, cycle: np.ndarray, label: str) -> None:
@@ -110,7 +110,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     records, walkway = run.leg_records(), run.walkway
     if walkway is None or not canvas.has_cycles(run):
         return None
-    sheet = RunFigure(run, "Force of the ground over the gait cycle", (width, 9.5))
+    sheet, drawn = RunFigure(run, "Force of the ground over the gait cycle", (width, 9.5)), list[np.ndarray]()
     healthy = reference_ground_force(run.experiment)
     grid = sheet.figure.subplots(
         3, len(records), squeeze=False, sharex=True, sharey="row", height_ratios=(3.0, 2.0, 1.4)
@@ -118,6 +118,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     for column, record in zip(grid.T, records, strict=True):
         bounds = shown_strides(record)
         phases = usual_phases(sheet.phase_codes(record), bounds, len(sheet.names))
+        drawn.append(phases)
         for axes, (title, unit) in zip(column, _FORCE_PANELS, strict=True):
             style_panel(axes, f"{record.side} {title}", unit if record is records[0] else "")
             canvas.shade_phases(axes, PERCENT, phases, sheet.names)
@@ -127,7 +128,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
         )
         for number, (axes, force) in enumerate(zip(column, (load, forward), strict=False)):
             axes.axhline(1.0 - number, color=palette.LIMIT_COLOUR, linestyle=":", linewidth=1.2)
-            _draw_mean_and_range(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
+            _draw_mean_and_sd(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
             if healthy is not None:
                 _draw_reference(sheet, axes, healthy[number], "healthy, Winter (1991)")
         draw_cycle_curve(column[2], cop_curve(cop, load, bounds), color=BLACK, linewidth=1.8)
@@ -136,7 +137,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     grid[0, 0].set_ylim(bottom=0.0)
     grid[2, 0].set_yticks((0.0, 0.5, 1.0), ("heel", "middle", "toe"))
     grid[2, 0].set_ylim(-0.1, 1.15)
-    return sheet.finish([sheet.phase_codes(item) for item in records])
+    return sheet.finish(drawn)
 
 
 def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:

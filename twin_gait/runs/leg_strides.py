@@ -192,13 +192,14 @@ class LegStrides:
 
         Either is left out if the joint has no drive or the log no torque of muscles.
         """
+        velocity, driven = self.wearer_joint_velocity(joint), joint in self.record.driven
         names = [f"{self.record.side}_{joint}_{source}_torque_Nm" for source in ("voluntary", OWN_GAIT)]
         torques = [np.asarray(self.log[name]) for name in names if name in self.log]
-        sources = {"device_work_J": self.device_torque(joint)} if joint in self.record.driven else {}
-        if torques:
-            sources["wearer_work_J"] = np.sum(torques, axis=0)
+        sources = {"device_work_J": self.device_torque(joint)} if driven else {}
+        if torques or driven:  # a log of a batch has no column for a torque that is zero
+            sources["wearer_work_J"] = np.sum([np.zeros(len(velocity)), *torques], axis=0)
         return {
-            name: TICK * strides.stride_sums(np.maximum(torque * self.wearer_joint_velocity(joint), 0.0),
+            name: TICK * strides.stride_sums(np.maximum(torque * velocity, 0.0),
                                              self.strides)
             for name, torque in sources.items()
         }  # fmt: skip
@@ -213,7 +214,8 @@ class LegStrides:
             return np.asarray(self.log[brace])
         columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
         inertia = self.run.experiment.plant.actuators[joint].armature
-        return effort.interaction_torque(*(self.column(joint, name) for name in columns), inertia, TICK)
+        motor, friction, velocity = (self.column(joint, name) for name in columns)
+        return effort.interaction_torque(motor, friction, velocity, inertia, TICK)
 
     def switch_energy(self, joint: JointName) -> StrideValues:
         """Compute the net energy that switches add to the virtual spring of a joint in [J].

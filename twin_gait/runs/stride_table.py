@@ -1,5 +1,6 @@
 """Table of strides of a run: one row for each stride and side; the content of ``strides.csv``."""
 
+import io
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.events import Change
-from twin_gait.files import to_json_value
+from twin_gait.files import MOST_TEXT, read_text, to_json_value
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.runs.leg_strides import LegStrides
 from twin_gait.simulation.run import Run
@@ -74,21 +76,51 @@ def stride_statistics(table: pd.DataFrame) -> pd.DataFrame:
     columns of ``STATISTICS``, indexed by ``condition``, ``side`` and ``measure``.
     """
     settled = table[table["settled"]]
-    values = settled.drop(columns=[name for name in ("stride", "settled", "start_s") if name in settled])
-    found = values.melt(["condition", "side"], var_name="measure").groupby(
-        ["condition", "side", "measure"], sort=False
-    )["value"]
-    return found.agg(mean="mean", sd="std", n="count", median="median")
+    others = [name for name in ("stride", "settled", "start_s") if name in settled]
+    values = settled.drop(columns=others).melt(["condition", "side"], var_name="measure")
+    groups = values.groupby(["condition", "side", "measure"], sort=False)["value"]
+    found = {"mean": groups.mean(), "sd": groups.std(), "n": groups.count(), "median": groups.median()}
+    return pd.DataFrame(found)
 
 
 def statistics_summary(table: pd.DataFrame) -> dict[str, Any]:
     """Return :func:`stride_statistics` as nested mappings of plain values: condition, side and quantity."""
     nested: dict[str, dict[str, dict[str, Any]]] = {}
-    for (condition, side, measure), row in stride_statistics(table).iterrows():  # type: ignore[misc]
-        by_side = nested.setdefault(str(condition), {}).setdefault(str(side), {})
-        by_side[str(measure)] = {**row.to_dict(), "n": int(row["n"])}
+    for row in stride_statistics(table).reset_index().to_dict("records"):
+        condition, side, measure = (str(row.pop(name)) for name in ("condition", "side", "measure"))
+        nested.setdefault(condition, {}).setdefault(side, {})[measure] = row
     found: dict[str, Any] = to_json_value(nested)
     return found
+
+
+def read_strides(folder: Path) -> pd.DataFrame:
+    """Read the table of strides of a run directory, or of another folder that has one.
+
+    Raises RunDirectoryError if there is no such file, a column that every table has is missing, or a value is
+    not a number.
+    """
+    path = folder.expanduser() / STRIDES_FILE
+    if not path.is_file():
+        experiment = path.with_name("experiment.yaml")
+        again = f"; run it again: twin-gait simulate {experiment}" if experiment.is_file() else ""
+        raise RunDirectoryError(f"{path}: there is no such file; expected a folder with strides{again}")
+    try:
+        table = pd.read_csv(io.StringIO(read_text(path, MOST_TEXT)))
+    except (OSError, ValueError) as error:
+        raise RunDirectoryError(f"{path}: cannot be read ({' '.join(str(error).split())})") from error
+    missing = [name for name in (*IDENTITY, "stride_time_s") if name not in table]
+    if missing:
+        raise RunDirectoryError(f"{path}: {missing[0]}: there is no such column; expected a table of strides")
+    if table.empty:
+        return table.astype({"settled": bool})
+    wrong = [name for name in table if name != "side" and table[name].dtype.kind not in "bif"]
+    if wrong or table["settled"].dtype.kind != "b":
+        name = (wrong or ["settled"])[0]
+        expected = "True or False" if name == "settled" else "numbers"
+        raise RunDirectoryError(
+            f"{path}: {name}: expected {expected}, got {str(table[name].iloc[:1].squeeze())[:40]!r}"
+        )
+    return table
 
 
 def strides_csv(table: pd.DataFrame) -> str:

@@ -88,6 +88,7 @@ class SweepFile(Strict):
     samples: Count | None = Field(default=None, ge=1)
     seed: Count = Field(default=0, ge=0)
     measures: list[str] = Field(default_factory=list)
+    strides: bool = False
     named: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
     files: dict[str, str] = Field(default_factory=dict)
     provenance: dict[str, Any] | None = None
@@ -107,6 +108,11 @@ class Sweep:
     # gives the same sweep
     document: Mapping[str, Any]
     files: Sequence[StoredFile]  # files that experiment and overrides name; the document names their copies
+
+    @property
+    def has_strides(self) -> bool:
+        """Whether the strides of all episodes are kept."""
+        return bool(self.document.get("strides"))
 
     def maker(self) -> Callable[[Episode], Experiment]:
         """Return a function that creates the experiment of an episode, in any process.
@@ -155,6 +161,7 @@ def sweep_from_mapping(
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
         "seed": entry.seed,
         "measures": entry.measures,
+        **({"strides": True} if entry.strides else {}),
         "named": _named(entry.named, overrides, folder / Path(source).name),
         "files": {given: file.name for given, file in more.items()},
         "provenance": {"sources_sha256": sources_hash(), "versions": software_versions()},

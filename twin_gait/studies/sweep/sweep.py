@@ -2,7 +2,8 @@
 
 Finished episodes are stored at once, so that no kill of the process loses them. Each block becomes a small
 parquet file in ``parts``, written atomically. At the end of every call the parts are merged into
-``table.parquet``. A kill between these two steps leaves equal rows in both, and one of them is used.
+``table.parquet`` and, with ``strides: true``, into ``strides.csv``. A kill between these two steps leaves
+equal rows in both, and one of them is used.
 """
 
 import contextlib
@@ -32,6 +33,7 @@ from twin_gait.simulation.run import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.jobs import Stop, WorkCallbacks, run_jobs
 from twin_gait.studies.sweep.spec import Sweep, check_episode
+from twin_gait.studies.sweep.strides import LOG_COLUMNS, measure_with_strides, merge_strides, store_strides
 from twin_gait.studies.workers import Workers
 
 TABLE_SCHEMA_VERSION = 1
@@ -62,9 +64,12 @@ def _store_rows(directory: Path, rows: Mapping[int, batch.FlatSummary]) -> None:
 
 def _merge(directory: Path, sweep: Sweep) -> None:
     """Merge all stored rows into the table; the names and values of its settings come from the sweep."""
+    rows = _read_finished_rows(directory)
+    if sweep.has_strides:
+        merge_strides(directory, sweep.overrides, rows.index)
     write_parquet(
         directory / TABLE_FILE,
-        batch.results_table(sweep.overrides, _read_finished_rows(directory)),
+        batch.results_table(sweep.overrides, rows),
         schema_version=str(TABLE_SCHEMA_VERSION),
         sweep=json.dumps(sweep.document),
     )
@@ -205,16 +210,22 @@ def _run(
     """Run the episodes that are not finished yet."""
     pending = [episode for episode in enumerate(sweep.overrides) if episode[0] not in done]
     report = watch.get("progress") or (lambda number, total: None)
+
+    def store(results: Mapping[int, Any]) -> None:
+        numbered = {pending[index][0]: result for index, result in results.items()}
+        if sweep.has_strides and numbered:
+            store_strides(directory, {episode: table for episode, (_, table) in numbered.items()})
+            numbered = {episode: flat for episode, (flat, _) in numbered.items()}
+        _store_rows(directory, numbered)
+
     report(len(done), len(sweep.overrides))
     batch.run_episodes(
         sweep.maker(),
-        batch.flat_summary,
+        measure_with_strides if sweep.has_strides else batch.flat_summary,
         pending,
-        columns=batch.SUMMARY_LOG_COLUMNS,
+        columns=LOG_COLUMNS if sweep.has_strides else batch.SUMMARY_LOG_COLUMNS,
         workers=workers,
-        on_results=lambda rows: _store_rows(
-            directory, {pending[index][0]: flat for index, flat in rows.items()}
-        ),
+        on_results=store,
         episode_name=lambda index: f"{sweep.source}: episode {pending[index][0]}",
         **watch | {"progress": lambda number, _: report(len(done) + number, len(sweep.overrides))},
     )
