@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from twin_gait.palette import SIDE_COLOURS
@@ -32,7 +31,6 @@ def draw_posture(setup: SimulationSetup, q: np.ndarray) -> np.ndarray:
         return np.array(model.frame_positions(own, names)).reshape(-1, 3)[:, [ahead, up]]
 
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=RESOLUTION)
-    canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     hips = []
     for side in sorted(model.legs, key=lambda side: side is Side.LEFT):
@@ -58,5 +56,5 @@ def draw_posture(setup: SimulationSetup, q: np.ndarray) -> np.ndarray:
     axes.set(xlim=hip[0] + np.array([-REACH, REACH]), ylim=(-0.2, 2.2), aspect="equal")
     axes.axis("off")
     buffer = io.BytesIO()
-    canvas.print_rgba(buffer)
+    figure.savefig(buffer, format="rgba")
     return np.frombuffer(buffer.getvalue(), np.uint8).reshape(*PIXELS, 4)[..., :3].copy()
