@@ -241,6 +241,7 @@ class Episode:
     potential_energy: float = 0.0
     guide_force: float = 0.0  # Force of the guides of the pelvis in [N].
     guide_moment: float = 0.0  # Moment of the guides of the pelvis in [N·m].
+    first_tick: int = 0  # Tick of the block in which the episode began.
     diverged_velocity: float = DIVERGED_VELOCITY  # Velocity at which the state has diverged, in [rad/s].
     # ``COMPLETED``, ``DIVERGED``, or the kind of fall: ``FELL``, ``TIPPED`` or ``CRUTCH_LOST``.
     status: int = COMPLETED

@@ -12,6 +12,7 @@ import linecache
 import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from twin_gait.core.schedule import (
@@ -34,6 +35,8 @@ class ScheduleNames(NamedTuple):
     counts: Mapping[str, str]  # Number of parts by the name of the parts; empty if the driver runs one part.
     fields: Mapping[str, str]  # Fields by their name in a condition.
     flags: Mapping[str, Any]  # Build flags that conditions may name, with their default values.
+    # Arguments of a function of all episodes of a block, where they differ from those of one episode.
+    of_block: Mapping[str, str] = MappingProxyType({})
 
 
 def scalar_driver(
@@ -85,9 +88,9 @@ class _Writer:
         """Name of the last variable that combines a test over all episodes."""
         return f"any_{self.flags}"
 
-    def call(self, step: Step, e: str) -> str:
-        """Return the call of a step."""
-        name, known = step.__name__, self.names.arguments
+    def call(self, step: Step, e: str, known: Mapping[str, str] | None = None) -> str:
+        """Return the call of a step; ``known``: records and numbers, those of one episode by default."""
+        name, known = step.__name__, self.names.arguments if known is None else known
         if self.scope.setdefault(name, step) is not step:
             raise ValueError(f"two steps of a schedule have the name {name}")
         parameters = inspect.signature(step).parameters
@@ -159,7 +162,7 @@ class _Writer:
                     yield f"{pad}for one in scalar_lanes(e):"
                     yield from self.scalar(single_steps, inner, "one")
                 case BlockStep(function):
-                    yield f"{pad}{self.call(function, 'e')}"
+                    yield f"{pad}{self.call(function, 'e', {**self.names.arguments, **self.names.of_block})}"
         yield from self.loop(waiting, pad)
 
     def shares_loop(self, item: Any) -> bool:

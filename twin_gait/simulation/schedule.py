@@ -176,15 +176,19 @@ NAMES = ScheduleNames(
 sense = scalar_driver("sense", SENSE, NAMES)
 control = scalar_driver("control", CONTROL, NAMES)
 act = scalar_driver("act", ACT, NAMES, result=update_status)
+# In a block each episode counts its own ticks, because environments for learning begin at different times.
+LANE_NAMES = NAMES._replace(
+    arguments={**NAMES.arguments, "tick": "tick - {e}.first_tick"}, of_block={"tick": "tick"}
+)
 # Replacements of the drivers in the loop over a block of episodes.
 LANE_DRIVERS = {
-    "sense": lane_driver("sense", SENSE, NAMES),
+    "sense": lane_driver("sense", SENSE, LANE_NAMES),
     "control": lane_driver(
         "control",
         replace_steps(CONTROL, {device.choose_transition: BlockStep(phases.choose_transitions)}),
-        NAMES,
+        LANE_NAMES,
     ),
-    "act": lane_driver("act", ACT, NAMES, result=update_status),
+    "act": lane_driver("act", ACT, LANE_NAMES, result=update_status),
 }
 
 
