@@ -89,7 +89,7 @@ def keys_of(summary: dict, before: str = "") -> set[str]:
         ("treadmill", ["network={}"]),
         ("overground", []),
         ("bench_leg", []),
-        ("treadmill", ["faults=['supply_loss_shorted@3s']"]),
+        pytest.param("treadmill", ["faults=['supply_loss_shorted@3s']"], marks=pytest.mark.slow),
     ],
     ids=["braces", "bus", "overground", "bench", "supply"],
 )

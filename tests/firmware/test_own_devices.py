@@ -41,7 +41,13 @@ def test_printed_units_are_those_of_the_driven_joints(tmp_path: Path, joints: tu
     ]
 
 
-@pytest.mark.parametrize("joints", JOINTS, ids=NAMED)
+@pytest.mark.parametrize(
+    "joints",
+    [
+        pytest.param(joints, id=name, marks=[pytest.mark.slow] * (len(joints) == 3))
+        for joints, name in zip(JOINTS, NAMED, strict=True)
+    ],
+)
 def test_c_of_every_unit_equals_the_simulation_on_generated_inputs(
     tmp_path: Path, joints: tuple[str, ...]
 ) -> None:

@@ -283,7 +283,13 @@ def kit(name: str) -> list[TransitionTest]:
     return transition_tests(load_mode_table(name))
 
 
-@pytest.mark.parametrize("name", packaged_mode_tables())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in ("ekso", "rewalk")))
+        for name in packaged_mode_tables()
+    ],
+)
 def test_the_kit_covers_every_transition_of_the_shipped_modes(name):
     for test in kit(name):
         test.run()

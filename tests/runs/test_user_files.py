@@ -67,7 +67,7 @@ def change(folder: Path) -> None:
             path.write_bytes(b"something else")
 
 
-@pytest.mark.parametrize("loss", [remove, change])
+@pytest.mark.parametrize("loss", [remove, pytest.param(change, marks=pytest.mark.slow)])
 def test_a_run_is_read_drawn_and_repeated_without_the_original_files(
     loss: Callable[[Path], None], own: Path, tmp_path: Path, capsys
 ) -> None:

@@ -67,6 +67,7 @@ def test_energy_closes(changes):
     assert energy_balance(energy, works)["energy_residual_share"] < 1e-4
 
 
+@pytest.mark.slow
 def test_a_stiff_harness_is_a_vertical_guide():
     stiff = walk_of(
         "scenario.support.forward_stiffness_N_per_m=1e7",

@@ -17,6 +17,8 @@ ELECTRONICS = (
     "plant.electronics="
     "{inverter_resistance_Ohm: 0.05, inverter_power_W: 1, constant_power_W: 8, regeneration: 0.3}"
 )
+# Cases that repeat the proof of another one with the other integrator, or of the same device.
+SLOW = {"treadmill, Euler", "bench leg, Euler", "prosthesis of one leg"}
 CASES = {
     "bench leg, Euler": ("bench_leg", EULER, 1.0, 2000),
     "bench leg, RK4": ("bench_leg", RK4, 1.0, 2000),
@@ -41,7 +43,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, case in CASES.items()],
+)
 def test_the_compiled_engine_moves_the_leg_as_the_second_loop_does(case):
     preset, method, step, ticks, *changes = case
     stepping = f"integration={{method: {method}, step_ms: {step}}}"

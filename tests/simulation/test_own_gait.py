@@ -142,6 +142,7 @@ def test_work_of_the_muscles_closes_the_energy_balance() -> None:
     assert set(summary["sides"]["left"]["own_gait"]) == {"knee"}
 
 
+@pytest.mark.slow
 def test_device_on_the_right_is_the_mirror_image_of_one_on_the_left(one_knee: str) -> None:
     left = simulate(load_experiment(one_knee, ["duration_s=1.8"]).experiment)
     mass = "leg.attachment.masses"
@@ -189,6 +190,7 @@ def test_parts_of_the_device_are_masses_on_the_segments() -> None:
     assert inertia[1] - inertia[0] == pytest.approx(added)
 
 
+@pytest.mark.slow
 def test_device_in_braces_can_leave_joints_to_the_wearer() -> None:
     hips = (
         "device=twin",

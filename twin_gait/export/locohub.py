@@ -13,10 +13,10 @@ from twin_gait.export.inverse_dynamics import device_moment, joint_moments
 from twin_gait.files import write_parquet
 from twin_gait.gait.table import TICK
 from twin_gait.measures import locohub
+from twin_gait.measures.ground_strides import ground_speeds
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.locohub import CONTRA, IPSI, MOTIONS, PHASE, POINTS
 from twin_gait.measures.strides import PERCENT, normalise_strides, stride_times
-from twin_gait.measures.walk import ground_speed
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import World
@@ -43,7 +43,9 @@ def export_locohub(run: Run, path: str | Path) -> None:
     bounds = {record.side: record.strides(skip=0) for record in records}
     height = {} if patient is None else {"height_m": f"{patient.height:g}"}
     slope = 0.0 if walking is None else math.degrees(walking.slope)
-    speed = ground_speed(run.columns, np.concatenate(list(bounds.values())), TICK)
+    spans = np.concatenate(list(bounds.values()))
+    speeds = ground_speeds(run.columns, spans, TICK)
+    speed = np.average(speeds, weights=np.diff(spans)[:, 0]) if len(spans) else math.nan
     facts = {
         "speed_m_s": f"{speed:.3f}",
         "treadmill": str(experiment.scenario.kind == "treadmill").lower(),
