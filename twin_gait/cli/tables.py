@@ -11,7 +11,7 @@ from typing import Any
 from twin_gait.cli import options
 from twin_gait.cli.findings import counted, heading
 from twin_gait.cli.terminal import DONE, FAILED, answer
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 
 DIAGRAMS = ("transitions", "truth", "svg", "mermaid")
 
@@ -57,6 +57,8 @@ def add_parser(commands: Any) -> None:
     add("--speed", type=float, metavar="KM_PER_H", help="belt speed to which the table is scaled")
     add("--subject", metavar="NAME", help="person of a C3D or LocoHub file; name of the person in --strides")
     add("--task", metavar="NAME", help="task or task_id of a LocoHub file, and of --strides")
+    text = "walk for the errors in strides.csv: koopman@SPEED, winter, or a file of LocoHub"
+    add("--reference", metavar="WALK", help=text)
     text = "write the strides from heel strike to heel strike in the format of LocoHub"
     add("--strides", type=Path, metavar="FILE.parquet", help=text)
     add("--total-mass", type=float, metavar="KG", help="mass of wearer and device, for foot.load_bw")
@@ -173,6 +175,7 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     from twin_gait.replay.foot_events import write_strides
     from twin_gait.replay.machine import replay_log
     from twin_gait.replay.recording import LogFormat
+    from twin_gait.replay.strides import read_reference, replay_strides
     from twin_gait.replay.writing import summarise_replay, write_replay
     from twin_gait.report.pages import lines
 
@@ -199,9 +202,18 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         names = options.drop_none(subject=arguments.subject, task=arguments.task)
         written = write_strides(result.recording, arguments.strides, **names)
         print(f"{arguments.strides}: {written}", file=sys.stderr)
-    if arguments.out is not None:
-        write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = summarise_replay(result)
+    if arguments.out is None and arguments.reference is not None:
+        raise ParameterError("--reference: its errors are written into a folder; add --out DIR")
+    if arguments.out is not None:
+        angles = None if arguments.reference is None else read_reference(arguments.reference)
+        try:
+            strides = replay_strides(result, angles)
+        except ParameterFileError as error:
+            summary["warnings"].append(f"no table of strides is written: {error}")
+            strides = None
+        pictures = not arguments.no_pictures
+        write_replay(result, arguments.out, strides=strides, force=arguments.force, pictures=pictures)
     document = {**summary, "directory": arguments.out}
     answer(arguments, lines("replay.txt", document), document)
     return DONE

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -251,6 +252,28 @@ def is_normative(name: str) -> bool:
     return name == WINTER or name.startswith(f"{KOOPMAN}@")
 
 
+class NormativeCurves(NamedTuple):
+    """Curves of the literature."""
+
+    angle: Callable[[JointName, np.ndarray], np.ndarray]  # angle in [rad] at instants in [%] of the cycle
+    joints: tuple[JointName, ...]
+    cycle_time: float  # duration of a stride in [s]
+
+
+def normative_curves(name: str) -> NormativeCurves:
+    """Return the curves of a walk from the literature; name and errors as in :func:`normative_walk`."""
+    if name == WINTER:
+        return NormativeCurves(
+            reference.normative_angle, reference.WINTER_JOINTS, reference.WINTER_CYCLE_TIME
+        )
+    kind, _, text = name.partition("@")
+    speed, height = parse_number(text) / reference.KILOMETRES_PER_HOUR, Patient().height
+    expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
+    require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
+    curve = partial(reference.reference_curve, speed=speed, height=height)
+    return NormativeCurves(curve, tuple(JointName), reference.reference_cycle_time(speed, height))
+
+
 def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
     """Create a walk from curves of the literature.
 
@@ -259,16 +282,7 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
     (1991) at natural cadence. ``strides``: number of strides. Raises ParameterError if there is no such walk,
     or the speed is outside the range of the regression.
     """
-    curve: Callable[[JointName, np.ndarray], np.ndarray] = reference.normative_angle
-    joints: tuple[JointName, ...] = reference.WINTER_JOINTS
-    cycle_time = reference.WINTER_CYCLE_TIME
-    if name != WINTER:
-        kind, _, text = name.partition("@")
-        speed, height = parse_number(text) / reference.KILOMETRES_PER_HOUR, Patient().height
-        expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
-        require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
-        curve = partial(reference.reference_curve, speed=speed, height=height)
-        joints, cycle_time = tuple(JointName), reference.reference_cycle_time(speed, height)
+    curve, joints, cycle_time = normative_curves(name)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK
     angles = dict[tuple[Side, str], np.ndarray]()
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.files import write_atomically, write_json
+from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.labels import label_of
 from twin_gait.measures.phases import phase_entries, phase_spells
@@ -22,12 +22,14 @@ from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.foot_events import LONGEST_STRIDE, SHORTEST_STRIDE, foot_strikes, walking_strides
 from twin_gait.replay.machine import Replay
 from twin_gait.replay.samples import LEAST_HIP_RANGE
+from twin_gait.replay.strides import angles_log
 from twin_gait.report import canvas
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.report.state_diagram import name_to_words
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, format_switches_csv
+from twin_gait.runs.record import LOG_FILE, SUMMARY_FILE, SWITCHES_FILE, format_switches_csv
+from twin_gait.runs.stride_table import STRIDES_FILE, strides_csv
 from twin_gait.vocabulary import JointName, Side
 
 PHASES_FILE = "phases.csv"
@@ -179,10 +181,18 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     }
 
 
-def write_replay(result: Replay, target: Path, *, force: bool = False, pictures: bool = True) -> None:
-    """Write phases, switches, summary and figure into a folder that appears when it is complete.
+def write_replay(
+    result: Replay,
+    target: Path,
+    *,
+    strides: pd.DataFrame | None = None,
+    force: bool = False,
+    pictures: bool = True,
+) -> None:
+    """Write phases, switches, strides, summary and figure into a folder that appears when it is complete.
 
-    ``force``: whether the folder of an earlier replay may be replaced. ``pictures``: whether to draw the
+    ``strides``: from :func:`twin_gait.replay.strides.replay_strides`; with them the joint angles are written
+    too. ``force``: whether the folder of an earlier replay may be replaced. ``pictures``: whether to draw the
     figure. Raises RunDirectoryError if the folder exists, or cannot be written.
     """
     names, recording = np.array(result.table.phase_names), result.recording
@@ -198,6 +208,9 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     )
     with staged_directory(target, REPLAY, force=force) as staging:
         write_atomically(staging / PHASES_FILE, table.to_csv(lineterminator="\n"))
+        if strides is not None:
+            write_atomically(staging / STRIDES_FILE, strides_csv(strides))
+            write_parquet(staging / LOG_FILE, angles_log(result))
         write_atomically(staging / SWITCHES_FILE, switches)
         failed = dict[str, str]()
         if pictures:
