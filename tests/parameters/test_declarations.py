@@ -156,6 +156,7 @@ def test_fields_with_own_readers_are_listed() -> None:
         "Experiment.events",
         "Experiment.modes",
         "Experiment.own_gait",
+        "Experiment.reference",
         "Experiment.table",
         "OwnGait.table",
         "Patient.conditions",

@@ -44,6 +44,6 @@ def test_a_missing_template_value_is_an_error() -> None:
 
 def test_every_page_has_the_one_layout() -> None:
     pages = {path.name for path in TEMPLATES.glob("*.html")} - {"layout.html", "parts.html"}
-    assert pages == {"compare.html", "conditions.html", "tune.html", "figures.html"}
+    assert pages == {"compare.html", "conditions.html", "tune.html", "figures.html", "session_report.html"}
     for name in pages:
         assert (TEMPLATES / name).read_text(encoding="utf-8").startswith('{% extends "layout.html" %}')
