@@ -33,8 +33,10 @@ PAGES = [
     *(page for name in SECTIONS for page in sorted((ROOT / "docs" / name).glob("*.md"))),
 ]
 BLOCK = re.compile(r"^( *)```(python|yaml|sh)\n(.*?)^ *```", flags=re.DOTALL | re.MULTILINE)
-# Commands that run until they are stopped, need other machines, or set up an environment.
+# Commands that run until they are stopped, need other machines or files of a lab, or set up an environment.
 NOT_HERE = (
+    "trial.c3d",
+    "people_phase.parquet",
     "pip ",
     "twin-gait live",
     "twin-gait view",
@@ -94,6 +96,10 @@ def user_files(tmp_path_factory):
     (folder / "walk.mot").write_text(head + motion.to_csv(sep="\t", index=False), encoding="utf-8")
     out = ("--out", str(folder / "runs" / "walk"))
     assert main(["simulate", "--duration", "8", "--no-pictures", *out]) == 0
+    own = folder / "own.parquet"
+    assert main(["export", str(folder / "runs" / "walk"), "--format", "locohub", "--out", str(own)]) == 0
+    for name in ("trial1", "trial2"):
+        pd.read_parquet(own).assign(subject="P03").to_parquet(folder / f"{name}.parquet")
     out = ("--out", str(folder / "logs"))
     assert main(["bench", "campaign", "--joint", "knee", "--protocol", "two-way", *out]) == 0
     return folder
@@ -158,8 +164,10 @@ def laid_over(below: Any, above: Any) -> Any:
 
 
 @pytest.mark.parametrize("block", blocks("yaml"))
-def test_yaml_loads(block, tmp_path, monkeypatch):
+def test_yaml_loads(block, user_files, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    for path in user_files.glob("*.parquet"):
+        shutil.copy(path, tmp_path)
     data = yaml.safe_load(block)
     path = Path("mine.yaml")
     if isinstance(data, list):

@@ -75,7 +75,7 @@ def _motion(
     result: Replay, side: Side, bounds: np.ndarray, reference: ReferenceAngles
 ) -> dict[str, np.ndarray]:
     """Return range and extremes of each recorded joint in [deg], and the parts of its errors."""
-    found = {}
+    found = dict[str, np.ndarray]()
     for joint in JointName:
         angle = result.recording.angles.get((side, joint))
         if angle is None:
