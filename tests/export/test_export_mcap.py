@@ -1,4 +1,4 @@
-"""MCAP of a log: what the library of MCAP reads is the log."""
+"""MCAP of a log: the library of MCAP reads the same values."""
 
 from __future__ import annotations
 

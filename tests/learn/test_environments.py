@@ -107,6 +107,22 @@ def test_ten_thousand_random_steps_equal_single_environments() -> None:
     assert terminated > 10 and truncated > 10
 
 
+def test_ranges_of_an_action_do_not_depend_on_the_drawn_wearer() -> None:
+    options = {"duration_s": 0.3, "randomise": WEARERS, "action": ImpedanceAction()}
+    compare_with_single(options, 16, 20)
+
+
+def test_a_loaded_experiment_takes_the_duration_and_an_ended_episode_no_step() -> None:
+    env = GaitEnv(experiment=load_experiment("treadmill"), duration_s=0.05, record=True)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(np.zeros(4))
+    env.reset(seed=1)
+    assert [result[3] for result in drive(env, np.zeros((4, 4)))] == [False, False, False, True]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(np.zeros(4))
+    assert len(env.run.log) == 50
+
+
 def test_few_environments_run_one_by_one_with_the_same_results() -> None:
     few, many = VectorGaitEnv(3, duration_s=0.3), VectorGaitEnv(32, duration_s=0.3)
     actions = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 32, 4))

@@ -1,13 +1,17 @@
 """Tests of the notes on a healthy reference that is used outside of its range."""
 
+from dataclasses import replace
+
 import pytest
 from errors import raises, states
 
 from twin_gait import load_experiment, presets
 from twin_gait.exceptions import ParameterFileError
+from twin_gait.experiment.reference_gait import ReferenceGait
 from twin_gait.report.formatting import extrapolation_note
 from twin_gait.report.reference import reference_notes
 from twin_gait.runs.summary import describe_identity
+from twin_gait.vocabulary import JointName
 
 
 def notes(*settings, preset="treadmill"):
@@ -33,6 +37,14 @@ def test_the_limits_of_the_speed_are_within_the_range(speed):
 def test_only_a_known_age_outside_of_that_of_the_subjects_is_stated(age, count):
     found = notes(f"patient.age_years={age}")
     assert len(found) == count and all(states(note, "47", "68", f"{age:g}") for note in found)
+
+
+def test_a_measured_reference_has_no_age_and_errors_at_any_speed():
+    settings = ["patient.age_years=9", "scenario.belt_speed_km_per_h=0.4"]
+    experiment = load_experiment("treadmill", settings).experiment
+    own = ReferenceGait(source="own", strides=1, subjects=1, mean={JointName.KNEE: (0.5,) * 101})
+    (note,) = reference_notes(replace(experiment, reference=own))
+    assert "missing" not in note and states(note, "effort", "use 0.5 km/h")
 
 
 def test_nothing_is_stated_without_a_walk_or_a_wearer():

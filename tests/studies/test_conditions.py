@@ -96,7 +96,7 @@ def test_curves_are_read_from_the_log_at_any_rate(pair: list[Path]) -> None:
 
 @pytest.mark.parametrize("shape", ["shift", "noise"])
 def test_band_contains_the_whole_difference_with_its_confidence(shape: str, monkeypatch) -> None:
-    """Of 200 pairs of equal populations, 95 % have a band that contains zero everywhere."""
+    """The band contains zero everywhere for 95 % of 200 pairs of equal populations."""
     monkeypatch.setattr(compared, "has_spm1d", lambda: False)
     monkeypatch.setattr(compared, "RESAMPLES", 400)
     generator, contained = np.random.default_rng(5), 0
@@ -118,10 +118,10 @@ def test_too_few_strides_have_no_band() -> None:
 
 
 def test_spm1d_gives_the_threshold_if_it_is_installed(monkeypatch) -> None:
-    asked = []
+    calls = []
 
     def ttest2(second, first, equal_var):
-        asked.append((len(second), len(first), equal_var))
+        calls.append((len(second), len(first), equal_var))
         inference = lambda alpha, two_tailed: types.SimpleNamespace(zstar=4.0 if two_tailed else 0.0)  # noqa: E731
         return types.SimpleNamespace(inference=inference)
 
@@ -132,7 +132,7 @@ def test_spm1d_gives_the_threshold_if_it_is_installed(monkeypatch) -> None:
     curves = np.random.default_rng(0).normal(size=(10, 101))
     found = curve_difference(curves[:4], curves[4:])
     error = np.sqrt(curves[:4].var(axis=0, ddof=1) / 4 + curves[4:].var(axis=0, ddof=1) / 6)
-    assert asked == [(6, 4, False)] and found is not None
+    assert calls == [(6, 4, False)] and found is not None
     assert_allclose(found.half_width, 4.0 * error)
 
 

@@ -62,9 +62,10 @@ def resolve_reference(value: Any, path: Path, source: str = "") -> dict[str, Any
     names = [chosen.file] if isinstance(chosen.file, str) else chosen.file
     if not names:
         raise ParameterFileError(source, "reference.file", "expected one file or more, got none")
-    beside = [path.parent / Path(name).expanduser() for name in names]
+    neighbours = [path.parent / Path(name).expanduser() for name in names]
     found = [
-        file if file.is_file() else Path(name).expanduser() for name, file in zip(names, beside, strict=True)
+        file if file.is_file() else Path(name).expanduser()
+        for name, file in zip(names, neighbours, strict=True)
     ]
     for name, file in zip(names, found, strict=True):
         if not file.is_file():

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import LoadedExperiment, load_experiment
 from twin_gait.control.controller import PATH_SAMPLES
 from twin_gait.exceptions import MissingOptionalDependency
@@ -33,7 +32,8 @@ from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
 from twin_gait.simulation.run import Run
-from twin_gait.studies.batch import walking_wearer
+from twin_gait.simulation.simulation_setup import build_setup
+from twin_gait.studies.batch import attach_document, override_experiment, walking_wearer
 from twin_gait.vocabulary import Outcome
 
 try:
@@ -64,7 +64,7 @@ class EnvironmentOptions:
 
     Attributes:
         experiment: Name of a preset, path of an experiment file, or a loaded experiment.
-        action: What an action changes, see :mod:`twin_gait.learn.actions`.
+        action: Quantities that an action changes, see :mod:`twin_gait.learn.actions`.
         observations: Names of signals with factors, or functions of the signals. A signal is a column of the
             log (privileged ones too) or its end, which selects all legs or joints.
         rewards: Weights by name of the terms of :data:`~twin_gait.learn.rewards.REWARDS`.
@@ -86,13 +86,12 @@ class EnvironmentOptions:
 
     def load(self) -> LoadedExperiment:
         """Load the experiment; raises ParameterError or ParameterFileError if it cannot be used."""
-        if isinstance(self.experiment, LoadedExperiment):
-            loaded = self.experiment
-        else:
-            given = [] if self.duration_s is None else [f"duration_s={self.duration_s}"]
-            loaded = load_experiment(self.experiment, given)
-        walking_wearer(loaded.experiment)
-        return LoadedExperiment(loaded.experiment, experiment_document(loaded.experiment))
+        named = not isinstance(self.experiment, LoadedExperiment)
+        experiment = (load_experiment(self.experiment) if named else self.experiment).experiment
+        if self.duration_s is not None:
+            experiment = override_experiment(experiment, {"duration_s": self.duration_s})
+        walking_wearer(experiment)
+        return attach_document(experiment)
 
     @property
     def step_ticks(self) -> int:
@@ -130,6 +129,8 @@ class EpisodeGroup:
         """Store the options; :meth:`start` begins the episodes. ``record``: whether logs are kept."""
         self.options, self.base, self._record = options, base, record
         self._step, self._terms = options.step_ticks, options.terms
+        # Ranges of an action are those of the experiment before anything is drawn, equal in all episodes.
+        self._setup = build_setup(base.experiment)
         self.records: Records
         self.signals: Signals
         self.action: BoundAction
@@ -140,7 +141,7 @@ class EpisodeGroup:
         self.records = make_records(engines, self._step, record=self._record)
         words = self.records.words
         self.signals = Signals(self.records.places, words, self._step, self.options.period_s)
-        self.action = self.options.action.bind(engines[0].setup, self.records.places, len(engines))
+        self.action = self.options.action.bind(self._setup, self.records.places, len(engines))
         setup, count = engines[0].setup, len(engines)
         self._sides = [str(side) for side in setup.sides]
         self._joints = [(index, f"{item.side}_{item.joint}") for index, item in enumerate(setup.joints)]
@@ -274,6 +275,7 @@ class GaitEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.render_mode = render_mode
         self.options = make_options(options)
         self._group = EpisodeGroup(self.options, self.options.load(), record=record)
+        self._over = True  # Whether the episode has ended or not begun.
         sizes = _sizes(self._group)
         self.observation_space, self.action_space = _observations(sizes[0]), _actions(sizes[1])
         self.signal_names, self.action_names = self._group.records.places.names, self._group.action.names
@@ -284,14 +286,17 @@ class GaitEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin a new episode; see :meth:`gymnasium.Env.reset`. There are no ``options``."""
         super().reset(seed=seed)
+        self._over = False
         return self._group.start([self.np_random])[0], {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Run a control step; see :meth:`gymnasium.Env.step`.
 
         ``info`` has the weighted reward of each term (``reward_terms``), and ``outcome`` if the episode was
-        terminated.
+        terminated. Raises ResetNeeded before the first reset and after the end of an episode.
         """
+        if self._over:
+            raise gymnasium.error.ResetNeeded("the episode has ended or not begun; call reset() first")
         actions = np.asarray(action, dtype=float)[None]
         found = self._group.step(actions, {}, np.zeros(1, dtype=int))
         info: dict[str, Any] = {
@@ -300,6 +305,7 @@ class GaitEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if found.terminated[0]:
             info["outcome"] = str(found.outcomes[0])
         ended = bool(found.terminated[0]), bool(found.truncated[0])
+        self._over = any(ended)
         return found.observations[0], float(found.rewards[0]), *ended, info
 
     @property

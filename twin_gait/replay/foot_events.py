@@ -16,10 +16,8 @@ from twin_gait.measures.strides import stride_bounds
 from twin_gait.replay.samples import Recording
 from twin_gait.vocabulary import JointName, Side
 
-SHORTEST_STRIDE, LONGEST_STRIDE = (
-    0.4,
-    10.0,
-)  # [s]: of a sprinter; the slowest steps of an exoskeleton's wearer
+# Durations in [s]: of a sprinter, and of the slowest steps of an exoskeleton's wearer.
+SHORTEST_STRIDE, LONGEST_STRIDE = 0.4, 10.0
 _PROMINENCE = 0.5  # least height of a forward position of the foot over the range of the positions
 RECORDED, FROM_LOAD, FROM_ANGLES = "recorded", "the load of the foot", "the angles of hip and knee"
 

@@ -25,7 +25,7 @@ def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
 def reference_notes(experiment: Experiment) -> list[str]:
     """Return a sentence for each property of a walk for which the healthy reference is outside of its range.
 
-    An unknown age gives no sentence.
+    An unknown age gives no sentence. With a measured reference, errors do not depend on the regression.
     """
     walking, patient, notes = experiment.scenario.walking, experiment.patient, list[str]()
     if walking is None or patient is None:
@@ -36,12 +36,14 @@ def reference_notes(experiment: Experiment) -> list[str]:
             for speed in (walking.speed, reference.SLOWEST, reference.FASTEST)
         )
         nearest = slowest if walking.speed < reference.SLOWEST else fastest
+        missing = "" if experiment.reference else "errors against healthy gait are missing, and "
         notes.append(
             f"There is no healthy reference at {shown} km/h, because the regression of Koopman et al. (2014) "
-            f"covers {slowest} to {fastest} km/h: errors against healthy gait are missing, and effort of the "
-            f"wearer and position control use {nearest} km/h."
+            f"covers {slowest} to {fastest} km/h: {missing}effort of the wearer and position control use "
+            f"{nearest} km/h."
         )
-    if patient.age is not None and not reference.YOUNGEST <= patient.age <= reference.OLDEST:
+    regression = experiment.reference is None
+    if regression and patient.age is not None and not reference.YOUNGEST <= patient.age <= reference.OLDEST:
         notes.append(
             f"The healthy reference (Koopman et al. 2014) is that of people of {reference.YOUNGEST:.0f} to "
             f"{reference.OLDEST:.0f} years; the wearer is {patient.age:g} years old."

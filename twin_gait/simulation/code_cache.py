@@ -153,7 +153,7 @@ def _content() -> bytes:
 
 
 def source_files() -> list[Path]:
-    """Return the files of all modules in :data:`SOURCES`, with the declarations beside a module."""
+    """Return the files of all modules in :data:`SOURCES`, and the YAML files with their data."""
     home, found = Path(__file__).parent, []
     for name in SOURCES:
         module = [path for end in ("py", "yaml") if (path := home / f"{name}.{end}").is_file()]
