@@ -86,8 +86,9 @@ class EnvironmentOptions:
 
     def load(self) -> LoadedExperiment:
         """Load the experiment; raises ParameterError or ParameterFileError if it cannot be used."""
-        named = not isinstance(self.experiment, LoadedExperiment)
-        experiment = (load_experiment(self.experiment) if named else self.experiment).experiment
+        given = self.experiment
+        loaded = given if isinstance(given, LoadedExperiment) else load_experiment(given)
+        experiment = loaded.experiment
         if self.duration_s is not None:
             experiment = override_experiment(experiment, {"duration_s": self.duration_s})
         walking_wearer(experiment)
