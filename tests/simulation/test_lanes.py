@@ -438,6 +438,21 @@ def chooses(e: Any) -> Any:
                     one.joints[0].y = one.q[number] / one.step
 
 
+def has_a_long_body(e: Any) -> Any:
+    """Run a loop that ends in a jump over more than 255 instructions, which the bytecode writes in two."""
+    for one in vector_lanes(e):
+        one.a[0] = one.q[0] * 0.5 + one.q[1]
+        one.a[1] = one.q[1] * 0.5 + one.a[0]
+        one.joints[0].x = one.joints[0].x * 0.5 + one.a[1]
+        one.joints[1].x = one.joints[1].x * 0.5 + one.joints[0].x
+        one.joints[0].y = one.joints[0].y * 0.5 + one.joints[1].x
+        one.joints[1].y = one.joints[1].y * 0.5 + one.joints[0].y
+        one.q[0] = one.q[0] * 0.5 + one.joints[1].y
+        one.q[1] = one.q[1] * 0.5 + one.q[0]
+        one.a[0] = one.a[0] * 0.5 + one.q[1]
+        one.a[1] = one.a[1] * 0.5 + one.a[0]
+
+
 def stays_scalar(e: Any) -> Any:
     """Run an inner loop whose number of turns differs between lanes."""
     for one in vector_lanes(e):
@@ -445,7 +460,7 @@ def stays_scalar(e: Any) -> Any:
             one.q[0] *= 0.5
 
 
-VECTORS = [needs_separate_groups, chooses]
+VECTORS = [needs_separate_groups, chooses, has_a_long_body]
 
 for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared, stays_scalar):
     _function.__module__ = "twin_gait.module_of_a_test"  # only functions of this package are bound

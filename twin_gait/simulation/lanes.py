@@ -40,22 +40,37 @@ def _number(block: Any) -> int:
     return int(found[1]) if found else -1
 
 
+def _jumps(block: Any, targets: list[Any]) -> bool:
+    """Return whether a basic block ends with a jump to one of the targets."""
+    return any(target in getattr(block.terminator, "operands", ()) for target in targets)
+
+
 class _Marking(lowering.Lower):
     """Lowering that marks loops over lanes for the vectorizer, and loops over lists for unrolling."""
 
     def post_lower(self) -> None:
         super().post_lower()
         for header, index, over in self.function.__dict__.get("view_loops", ()):
-            latches = [
-                block
-                for block in self.function.blocks
-                if _number(block) >= _number(header) and header in getattr(block.terminator, "operands", ())
-            ]
+            latches = self._latches(header)
             self._mark(header, latches, over)
             for latch in latches:  # the index is advanced here, so that the last block keeps its mark
                 builder = ir.IRBuilder(latch)
                 builder.position_before(latch.terminator)
                 builder.store(builder.add(builder.load(index), INTEGER(1), flags=("nsw",)), index)
+
+    def _latches(self, header: Any) -> list[Any]:
+        """Return the blocks that end the body of a loop.
+
+        They jump to the header. A body of more than 255 instructions jumps to an empty block before it,
+        that of the EXTENDED_ARG of the bytecode.
+        """
+        blocks, first = self.function.blocks, _number(header)
+        empty = [
+            block
+            for block in blocks
+            if _number(block) < first and len(block.instructions) == 1 and _jumps(block, [header])
+        ]
+        return [block for block in blocks if _number(block) >= first and _jumps(block, [header, *empty])]
 
     def _mark(self, header: Any, latches: list[Any], over: Any) -> None:
         note = self.module.add_metadata
