@@ -1,8 +1,8 @@
 """Configuration of the site: ``python -m sphinx -W docs docs/_build/html``.
 
 By default no script of the gallery and no cell of a tutorial runs: their pages have the code and the stored
-figures. With ``TWIN_GAIT_SITE=run`` they run; ``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains
-``first_gait``.
+figures. With ``TWIN_GAIT_SITE=run`` they run, with ``TWIN_GAIT_SITE=tutorials`` only the cells;
+``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains ``first_gait``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from jupyter_cache.executors import utils as notebooks
 
 import twin_gait
 
-RUN = os.environ.get("TWIN_GAIT_SITE", "")  # empty, "run", or a part of a name
+RUN = os.environ.get("TWIN_GAIT_SITE", "")  # empty, "run", "tutorials", or a part of a name
 GENERATED = DOCS / "_build" / "gallery_source"
 ALL_THAT_RUN = rf"/(?!({'|'.join(sorted(gallery_pages.NOT_RUN))})\.py)[^/]*$"
 
@@ -78,7 +78,7 @@ nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_excludepatterns = (
     []
-    if RUN in ("", "run")
+    if RUN in ("", "run", "tutorials")
     else [str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md") if RUN not in path.stem]
 )
 nb_merge_streams = True
@@ -96,9 +96,9 @@ napoleon_use_ivar = True
 sphinx_gallery_conf = {
     "examples_dirs": [str(GENERATED)],
     "gallery_dirs": ["gallery"],
-    "filename_pattern": ALL_THAT_RUN if RUN == "run" else re.escape(RUN) if RUN else "(?!)",
+    "filename_pattern": {"": "(?!)", "tutorials": "(?!)", "run": ALL_THAT_RUN}.get(RUN, re.escape(RUN)),
     "ignore_pattern": r"(?!)",
-    "plot_gallery": bool(RUN),
+    "plot_gallery": RUN not in ("", "tutorials"),
     "parallel": RUN == "run",
     "abort_on_example_error": True,
     "reset_argv": "gallery_run.arguments",

@@ -142,7 +142,14 @@ def test_export_without_a_format_uses_the_file_extension(
 def test_view_shows_until_ctrl_c(subject, bench_run):
     target = str(bench_run) if subject == "a run" else "twin.urdf"
     command = [sys.executable, "-m", "twin_gait", "view", target]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # A shell starts a job in the background with Ctrl-C ignored.
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     try:
         assert "open http://127.0.0.1:" in process.stdout.readline()
         process.send_signal(signal.SIGINT)

@@ -87,7 +87,7 @@ def keys_of(summary: dict, before: str = "") -> set[str]:
     [
         ("treadmill", ["interface=brace"]),
         ("treadmill", ["network={}"]),
-        ("overground", []),
+        pytest.param("overground", [], marks=pytest.mark.slow),
         ("bench_leg", []),
         pytest.param("treadmill", ["faults=['supply_loss_shorted@3s']"], marks=pytest.mark.slow),
     ],

@@ -47,6 +47,8 @@ NOT_HERE = (
     "pytest ",
     "--scheduler",
 )
+# Blocks that identify, sweep, or simulate a day.
+LONG = {"identification-0", "modes-1", "faults-0", "network-0", "robustness_map-0"}
 # For blocks that show what is inside of a class.
 HEADER = """from __future__ import annotations
 from dataclasses import dataclass
@@ -128,7 +130,15 @@ def lines_here(block: str) -> list[str]:
     return [line for line in lines if line and not any(word in line for word in NOT_HERE)]
 
 
-@pytest.mark.parametrize("block", [item for item in blocks("sh") if lines_here(item.values[0])])
+def commands() -> list[pytest.param]:
+    """Return the blocks of commands that can run here; long ones are slow tests."""
+    found = [item for item in blocks("sh") if lines_here(item.values[0])]
+    return [
+        pytest.param(*item.values, id=item.id, marks=[pytest.mark.slow] * (item.id in LONG)) for item in found
+    ]
+
+
+@pytest.mark.parametrize("block", commands())
 def test_commands_run_in_the_order_of_their_block(block, user_files, tmp_path, monkeypatch):
     shutil.copytree(user_files, tmp_path / "desk")
     monkeypatch.chdir(tmp_path / "desk")

@@ -62,6 +62,7 @@ def test_c_of_every_unit_equals_the_simulation_on_generated_inputs(
     )
 
 
+@pytest.mark.slow
 def test_folder_of_a_single_joint_has_no_word_of_other_joints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -201,6 +201,7 @@ def test_without_tools_the_target_is_not_verified(project, monkeypatch):
     assert all("apt-get install" in check["found"]["missing"] for check in found["checks"])
 
 
+@pytest.mark.slow
 def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp_path):
     import shutil
 

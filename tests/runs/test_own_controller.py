@@ -115,6 +115,7 @@ def test_the_run_of_a_saved_folder_is_the_same_in_python(own: Own, tmp_path: Pat
     )
 
 
+@pytest.mark.slow  # another process compiles the controller again
 def test_the_run_of_a_saved_folder_is_the_same_on_the_command_line(own: Own, tmp_path: Path) -> None:
     run = own.run(0.35)
     folder = save_run(run, tmp_path / "walk", pictures=False)
@@ -305,6 +306,7 @@ def test_a_controller_that_cannot_be_imported_is_refused_with_a_suggestion(
     assert given.experiment.controller == record_controller(Held())
 
 
+@pytest.mark.slow  # another process compiles the controller again
 def test_a_script_records_its_source(tmp_path: Path) -> None:
     text = SPRINGS.replace("from NAME_postures import Postures\n", "").replace("(Postures, ", "(")
     text = text.replace("self.offset", "0.0") + (

@@ -23,6 +23,7 @@ SLOW = {
     "treadmill, harness",
     "treadmill, downhill in a harness, by encoders askew and commands that come late",
     "knee orthosis on one leg",
+    "prosthesis that replaces segments of one leg",
 }
 CASES = {
     "bench leg, Euler": ("bench_leg", "duration_s=2", EULER, "integration.step_ms=1"),

@@ -18,7 +18,7 @@ ELECTRONICS = (
     "{inverter_resistance_Ohm: 0.05, inverter_power_W: 1, constant_power_W: 8, regeneration: 0.3}"
 )
 # Cases that repeat the proof of another one with the other integrator, or of the same device.
-SLOW = {"treadmill, Euler", "bench leg, Euler", "prosthesis of one leg"}
+SLOW = {"treadmill, Euler", "bench leg, Euler", "prosthesis of one leg", "aligned prosthesis of one leg"}
 CASES = {
     "bench leg, Euler": ("bench_leg", EULER, 1.0, 2000),
     "bench leg, RK4": ("bench_leg", RK4, 1.0, 2000),

@@ -119,6 +119,7 @@ def test_orthosis_and_motor_act_in_parallel():
     np.testing.assert_allclose(log["left_ankle_orthosis_torque_Nm"], expected, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [pytest.param((), marks=pytest.mark.slow, id="plain"), pytest.param(HARD, id="all that is shared")],
@@ -138,6 +139,7 @@ def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
     assert_near(compiled.run(), ReferenceEngine(laid_out, kernel=kernel.functions).run(), 1e-9)
 
 
+@pytest.mark.slow
 def test_the_second_loop_gives_the_same_motion_of_three_joints():
     laid_out = problem(
         "duration_s=0.5",
