@@ -78,6 +78,11 @@ def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
         modes = replace(setup.experiment.modes, joints=setup.table.joints)
         trim(compile_guards(modes), controller.supervisor.program, [controller.supervisor.debounce])
         shift_time_thresholds(controller.supervisor.program, modes.signals)
+    phases = len(setup.table.phases)
+    for joint in controller.joints:
+        del joint.setpoints[phases:]
+    for leg in controller.legs:
+        del leg.gravity_shares[phases:], leg.blend_ticks[phases:]
     joints, legs = len(boards), len(episode.controller.legs)
     settings = units.UnitSettings(episode.rates, episode.limits, episode.watching)
     inputs = units.ExoskeletonInputs(
@@ -98,6 +103,7 @@ def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
 def trim(program: GuardProgram, padded: GuardProgram, debounces: Sequence[list[int]]) -> None:
     """Remove, in place, the empty entries with which tables of similar size share a compiled loop."""
     count = max(1, len(program.transitions))
+    del padded.minimum_ticks[len(program.minimum_ticks) :]
     del padded.transitions[count:]
     del padded.nodes[max(1, len(program.nodes)) :]
     del padded.comparisons[max(1, len(program.comparisons)) :]

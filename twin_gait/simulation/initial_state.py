@@ -21,14 +21,14 @@ from twin_gait.core.safety import Bounds
 from twin_gait.experiment.bus import bus_messages
 from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.table import TICK
+from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.kernels.generated import KernelBodies, body_values
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.messages import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX
 from twin_gait.parameters.network import NetworkParameters
 from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation import episode
-from twin_gait.simulation.record import ABSENT, Record, find_float, is_record
+from twin_gait.simulation.record import ABSENT, Record, find_float, is_record, pad_phases
 from twin_gait.simulation.simulation_setup import (
     NEVER,
     OwnGaitRows,
@@ -38,7 +38,7 @@ from twin_gait.simulation.simulation_setup import (
     start_phase,
     to_ticks,
 )
-from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
+from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName, Side
 from twin_gait.worlds.arm_policy import LEANING, REACHING_BACK, RISING, SITTING, SITTING_DOWN
 
 MOST_SWITCHES_PER_SECOND = 200
@@ -179,7 +179,7 @@ def _controlled_joint(setup: SimulationSetup, number: int, phase: int) -> ccu.Co
     setpoints = [ImpedanceSetpoint(*row) for row in rows]
     return ccu.ControlledJoint(
         model_index=joint.control_coordinate,
-        setpoints=setpoints,
+        setpoints=pad_phases(setpoints),
         blend_start=setpoints[phase],
         blended=setpoints[phase],
         target=control.target_torque.get(joint.joint, 0.0),
@@ -194,12 +194,16 @@ def _leg(setup: SimulationSetup, number: int) -> ccu.ControlledLeg:
     return ccu.ControlledLeg(
         phase=phase,
         debounce=[0] * _capacity(setup.program.n_transitions),
-        gravity_shares=shares,
+        gravity_shares=pad_phases(shares),
         gravity_start=shares[phase],
         gravity=shares[phase],
-        blend_ticks=[setup.table.blend_ticks(phase) for phase in setup.table.phases_of(side).values()],
+        blend_ticks=_blend_ticks(setup.table, side),
         frozen_speed=setup.experiment.control.safety.frozen_speed,
     )
+
+
+def _blend_ticks(table: GaitTable, side: Side) -> list[int]:
+    return pad_phases([table.blend_ticks(phase) for phase in table.phases_of(side).values()])
 
 
 def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
@@ -218,7 +222,7 @@ def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
             OwnJoint(
                 index=coordinate,
                 highest_torque=rows.highest_torques[number],
-                setpoints=setpoints,
+                setpoints=pad_phases(setpoints),
                 blend_start=setpoints[phases[leg]],
                 blended=setpoints[phases[leg]],
                 angle_line=new_delay_line(own.delay_ticks, angle, _PERCEPTION_CAPACITY),
@@ -229,7 +233,7 @@ def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
         OwnLeg(
             phase=phase,
             debounce=[0] * _capacity(rows.program.n_transitions),
-            blend_ticks=[rows.table.blend_ticks(item) for item in rows.table.phases_of(side).values()],
+            blend_ticks=_blend_ticks(rows.table, side),
             load_line=new_delay_line(own.delay_ticks, 0.0, _PERCEPTION_CAPACITY),
         )
         for phase, side in zip(phases, setup.wearer_sides, strict=True)
@@ -269,6 +273,7 @@ def _padded(program: GuardProgram) -> GuardProgram:
     """Return a guard program with padded lists, so that tables of similar size share one loop."""
     return replace(
         program,
+        minimum_ticks=pad_phases(program.minimum_ticks),
         transitions=_padded_list(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
         nodes=_padded_list(program.nodes, GuardNode(0, 0)),
         comparisons=_padded_list(program.comparisons, CompiledComparison(0, 0, 0.0, 0.0, 0.0)),

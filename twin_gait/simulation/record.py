@@ -21,7 +21,14 @@ from twin_gait.parameters.quantities import field_names
 Record = TypeVar("Record")
 
 ABSENT: Any = None  # Value of a field that an episode does not have.
+# Lists by phase are padded to a multiple of this length, so that gait tables share one compiled loop.
+_PHASE_CAPACITY = 8
 _CODES = {float: "f8", int: "i8", bool: "i8"}
+
+
+def pad_phases(entries: list[Record]) -> list[Record]:
+    """Return a list by phase that is padded with its last entry, which no phase reads there."""
+    return entries + entries[-1:] * (-len(entries) % _PHASE_CAPACITY)
 
 
 def field_types(kind: Any) -> tuple[tuple[str, type], ...]:

@@ -91,10 +91,11 @@ class SteppedRun:
     def _changeable(self) -> dict[str, np.ndarray]:
         """Return views of the numbers in the record of the episode that can fade, by name."""
         controller, model = self._episode["controller"], self.setup.world.model
-        joints = controller["joints"]
+        joints, phases = controller["joints"], len(self.setup.table.phases)
+        setpoints = joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT)
         found = {
-            "setpoints": joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT),
-            "gravity_shares": controller["legs"]["gravity_shares"],
+            "setpoints": setpoints[:, :phases],
+            "gravity_shares": controller["legs"]["gravity_shares"][:, :phases],
             "target_torque": joints["target"],
             "belt_speed": self.engine.store["belt"]["cruise"],
         }
@@ -315,7 +316,8 @@ class SteppedRun:
     @property
     def _minimum_ticks(self) -> np.ndarray:
         """Shortest time of a leg in a phase in ticks, by phase."""
-        return np.asarray(self._episode["controller"]["program"]["minimum_ticks"])
+        padded = np.asarray(self._episode["controller"]["program"]["minimum_ticks"])
+        return padded[: len(self.setup.table.phases)]
 
     def _legs_in_held_phase(self) -> np.ndarray:
         return np.asarray(self._episode["controller"]["legs"]["phase"] == self.numbers["held_phase"])

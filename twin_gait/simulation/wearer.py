@@ -14,6 +14,7 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition, Patient
 from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Limb
+from twin_gait.simulation.record import pad_phases
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Walking
 
@@ -40,7 +41,7 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
         Limb(
             model.index(*key),
             item,
-            _moments(patient, experiment.scenario.walking, table, spans, key[1]).tolist(),
+            pad_phases(_moments(patient, experiment.scenario.walking, table, spans, key[1]).tolist()),
             new_delay_line(round(patient.effort_delay / TICK), capacity_step=_EFFORT_CAPACITY),
             experiment.sides.index(key[0]) if key[0] in experiment.sides else 0,
         )
