@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from contextlib import closing
-from dataclasses import replace
 from types import SimpleNamespace
 
 import can
@@ -19,18 +18,17 @@ from errors import raises, states
 from twin_gait import load_experiment, simulate
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.experiment import Experiment
-from twin_gait.live import motor_link
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.motor_link import MotorLink
 from twin_gait.live.protocol import DoAction
 from twin_gait.live.session import LiveSession
 from twin_gait.live.telemetry import Block, EventLog
 from twin_gait.network.drives import MotorFrame
-from twin_gait.parameters.network import BOARDS, NetworkParameters
+from twin_gait.parameters.network import BOARDS
 from twin_gait.runs.record import read_stored_run
 
-MIT = ["plant.motor_bus={protocol: mit, models: {hip: AK80-64, knee: AK80-64}}"]
+# The timeout is as long as a busy machine may take.
+MIT = ["plant.motor_bus={protocol: mit, timeout_ms: 5000, models: {hip: AK80-64, knee: AK80-64}}"]
 NODES = {board: 1 + BOARDS.index(board) for board in ("right_hip", "right_knee")}
 
 
@@ -44,11 +42,6 @@ def bench() -> SimpleNamespace:
 
 def block(columns: dict[str, np.ndarray], first: int, end: int) -> Block:
     return Block(first, end, {name: column[first:end] for name, column in columns.items()}, "")
-
-
-def patient(experiment: Experiment) -> Experiment:
-    """Return an experiment whose drives may be silent for as long as a busy machine may take."""
-    return replace(experiment, network=NetworkParameters(board_timeout=5.0))
 
 
 class Drives:
@@ -133,7 +126,7 @@ def test_a_restart_of_the_walk_forgets_faults_and_reports_the_next_one(bench) ->
 
 
 def test_a_missing_model_and_a_torque_beyond_its_range_are_refused_in_one_line(bench) -> None:
-    missing = load_experiment("bench_leg", ["plant.motor_bus={protocol: mit, models: {hip: AK80-64}}"])
+    missing = load_experiment("bench_leg", [MIT[0].replace(", knee: AK80-64", "")])
     with raises(ParameterError, "plant.motor_bus.models.knee"):
         MotorLink(missing.experiment, print)
     weak = load_experiment("bench_leg", [*MIT, "plant.motor_bus.models.knee=AK80-9"])
@@ -145,7 +138,7 @@ def test_a_missing_model_and_a_torque_beyond_its_range_are_refused_in_one_line(b
 
 
 def test_a_pause_and_the_end_switch_the_drives_off(bench) -> None:
-    setup = SimpleNamespace(experiment=patient(bench.experiment), world=SimpleNamespace(body_weight=1.0))
+    setup = SimpleNamespace(experiment=bench.experiment, world=SimpleNamespace(body_weight=1.0))
     with closing(Drives("pause")) as drives:
         with closing(CanLink("virtual:pause", setup, EventLog(), print)) as link:
             link.add_block(block(bench.columns, 0, 300))
@@ -158,7 +151,7 @@ def test_a_pause_and_the_end_switch_the_drives_off(bench) -> None:
 
 
 def test_a_fault_of_a_drive_is_noted_and_stops_the_walk(bench) -> None:
-    setup = SimpleNamespace(experiment=patient(bench.experiment), world=SimpleNamespace(body_weight=1.0))
+    setup = SimpleNamespace(experiment=bench.experiment, world=SimpleNamespace(body_weight=1.0))
     sent, event_log = [], EventLog()
     with (
         closing(Drives("fault")) as drives,
@@ -174,9 +167,8 @@ def test_a_fault_of_a_drive_is_noted_and_stops_the_walk(bench) -> None:
 
 def test_a_canopen_drive_on_the_bus_is_switched_on_and_follows_the_torque(bench) -> None:
     torque = bench.columns["right_knee_motor_command_torque_Nm"]
-    changes = {"plant.motor_bus.protocol": "cia402"}
-    experiment = load_experiment("bench_leg", [f"{key}={value}" for key, value in changes.items()]).experiment
-    setup = SimpleNamespace(experiment=patient(experiment), world=SimpleNamespace(body_weight=1.0))
+    experiment = load_experiment("bench_leg", [*MIT, "plant.motor_bus.protocol=cia402"]).experiment
+    setup = SimpleNamespace(experiment=experiment, world=SimpleNamespace(body_weight=1.0))
     event_log, network = EventLog(), canopen.Network(can.Bus("canopen", "virtual"))
     network.connect()
     drives = {board: CanopenDrive(node, network, rated_mNm=430) for board, node in NODES.items()}
@@ -197,8 +189,7 @@ def test_a_canopen_drive_on_the_bus_is_switched_on_and_follows_the_torque(bench)
 
 
 @pytest.mark.slow
-def test_a_live_walk_is_held_when_a_drive_fails_and_replays_so(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(motor_link, "NetworkParameters", lambda: NetworkParameters(board_timeout=5.0))
+def test_a_live_walk_is_held_when_a_drive_fails_and_replays_so(tmp_path) -> None:
     loaded = load_experiment("bench_leg", [*MIT, "duration_s=60"])
     folder = tmp_path / "run"
     with closing(Drives("session")) as drives:

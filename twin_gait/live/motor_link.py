@@ -51,8 +51,8 @@ def make_drive(experiment: Experiment, board: str) -> Drive:
         torque_limit=experiment.control.limits[joint].torque,
         gear_ratio=experiment.plant.actuators[joint].gear_ratio,
         start_cycles=round(START_TIME / network.cycle),
-        silent_cycles=round(network.board_timeout / network.cycle),
-        silence_ms=round(1e3 * network.board_timeout),
+        silent_cycles=round(bus.timeout / network.cycle),
+        silence_ms=round(1e3 * bus.timeout),
     )
     if bus.protocol is MotorProtocol.CIA402:
         return cia402.Cia402Drive(settings)

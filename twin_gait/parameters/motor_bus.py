@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
 from twin_gait.parameters import quantities
 from twin_gait.vocabulary import JointName
@@ -33,8 +34,10 @@ class MotorBusParameters(quantities.Parameters):
 
     Attributes:
         protocol: Frames that a live walk exchanges with the drives.
+        timeout: Time without a report of a drive in [s], after which it counts as silent.
         models: Model of the drive of each joint, for the ranges of ``mit``.
     """
 
     protocol: MotorProtocol
+    timeout: Annotated[quantities.Time, quantities.POSITIVE]
     models: Mapping[JointName, DriveModel] = field(default_factory=dict)
