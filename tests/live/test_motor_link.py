@@ -160,9 +160,11 @@ def test_a_fault_of_a_drive_is_noted_and_stops_the_walk(bench) -> None:
         drives.drives["right_knee"].error = 1
         link.add_block(block(bench.columns, 0, 100))
         wait_for(lambda: sent)
-    assert sent == [DoAction(id="CAN", user="CAN", action="stop")]
-    (note,) = [event.text for event in event_log.after(0)]
-    assert states(note, "right_knee", "over-temperature", "held")
+        link.add_block(block(bench.columns, 0, 100))  # a restart of the walk with the same fault
+        wait_for(lambda: len(sent) == 2)
+    assert sent == 2 * [DoAction(id="CAN", user="CAN", action="stop")]
+    notes = [event.text for event in event_log.after(0) if "right_knee" in event.text]
+    assert len(notes) == 2 and all(states(note, "over-temperature", "held") for note in notes)
 
 
 def test_a_canopen_drive_on_the_bus_is_switched_on_and_follows_the_torque(bench) -> None:

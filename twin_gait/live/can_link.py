@@ -177,7 +177,8 @@ class CanLink:
 
     def _hold(self, fault: str) -> None:
         """Note the fault of a drive, and hold the legs."""
-        self._note(f"{fault}; the legs are held, restart the walk after its repair")
+        text = f"{fault}; the legs are held, restart the walk after its repair"
+        self._event_log.emit("note", text, user=USER)
         self._submit(DoAction(id=USER, user=USER, action="stop"))
 
     def _note(self, text: str) -> None:
