@@ -15,6 +15,7 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from twin_gait.configuration.experiments import LoadedExperiment
 
+TARGETS = "board", "osl"  # sources for boards, and further programs that use them
 WALK = 3.0  # [s], duration of the walk in the test vectors, which contains every phase of both legs
 
 
@@ -23,6 +24,8 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "firmware", run)
     options.add_experiment(parser, seconds="duration of the experiment")
     options.add_out(parser, "DIR", "folder to write")
+    text = "also write a library for another program: osl, the compiled controller of the Open-Source Leg"
+    parser.add_argument("--target", choices=TARGETS, default=TARGETS[0], help=text)
     text = "compare the C with the simulation on the walk and on faults, on this machine and a Cortex-M4F"
     parser.add_argument("--verify", action="store_true", help=text)
     options.add(parser, "--json")
@@ -42,14 +45,14 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.runs.folders import FolderKind, staged_directory
 
     out = arguments.out
-    if out is None and not arguments.verify:
-        raise ParameterError("--out: expected the folder to write, or --verify to write none")
+    if out is None and (not arguments.verify or arguments.target != TARGETS[0]):
+        raise ParameterError("--out: expected the folder to write; only --verify alone writes none")
     loaded = options.load_experiment(arguments)
     document: dict[str, Any] = {}
     kind = FolderKind("a firmware folder", MANIFEST)
     with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
         if staging is not None:
-            document |= {**_write(loaded, staging), "directory": out}
+            document |= {**_write(loaded, staging, arguments.target), "directory": out}
         if arguments.verify:
             with terminal.progress_bar("verifying", "tick") as progress:
                 found = verify(loaded.experiment, progress)
@@ -61,10 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
     return FAILED if document.get("passed") is False else DONE
 
 
-def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
+def _write(loaded: LoadedExperiment, folder: Path, target: str) -> dict[str, Any]:
     """Write the project to a folder, and return its manifest."""
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.exoskeleton_unit import record_vectors
+    from twin_gait.firmware.osl import write_osl
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.project_folder import write_project
     from twin_gait.runs.summary import software_versions
@@ -77,4 +81,8 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress)
-    return write_project(project, folder, vectors, document)
+    found = write_project(project, folder, vectors, document)
+    if target == "osl":
+        library = write_osl(project, folder)
+        found["library"] = None if library is None else str(library.relative_to(folder))
+    return found

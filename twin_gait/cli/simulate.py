@@ -161,7 +161,7 @@ async def _serve(
     try:
         await asyncio.to_thread(session.start)
         if arguments.can is not None and leaves_machine(arguments.can):
-            warning = "setpoints are sent on this bus; no board that executes them may be connected to it"
+            warning = "setpoints are sent on this bus; no board or drive that executes them may be connected"
             print(f"{arguments.can}: {warning}", file=sys.stderr)
         view.announce(page.url, browser=not arguments.no_browser)
         while session.walk.alive and not should_stop():

@@ -38,7 +38,16 @@ SECTIONS = {
     "sensors": SensorParameters,
 }
 PARTS = {
-    "plant": ("actuators", "friction", "friction_ratio", "battery", "electronics", "stops", "ankle"),
+    "plant": (
+        "actuators",
+        "friction",
+        "friction_ratio",
+        "battery",
+        "electronics",
+        "stops",
+        "ankle",
+        "motor_bus",
+    ),
     "control": ("friction_model", "limits", "safety"),
 }
 BASES = "extends: twin, or extends: ideal for a base without friction and losses"

@@ -23,6 +23,7 @@ from twin_gait.parameters.drives import (
 )
 from twin_gait.parameters.environment import AnkleParameters, StopParameters
 from twin_gait.parameters.friction import FrictionLaw, FrictionParameters
+from twin_gait.parameters.motor_bus import MotorBusParameters
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, Side
 
@@ -133,6 +134,7 @@ class PlantParameters(quantities.Parameters):
         electronics: Consumers of the pack other than the windings.
         stops: Mechanical stops.
         ankle: Orthosis of the ankle.
+        motor_bus: Protocol of the drives on a real bus.
         gravity: Gravitational acceleration in [m/s²].
     """
 
@@ -143,6 +145,7 @@ class PlantParameters(quantities.Parameters):
     electronics: ElectronicsParameters
     stops: StopParameters
     ankle: AnkleParameters
+    motor_bus: MotorBusParameters
     gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.core.can_codec import unpack_frame
@@ -20,10 +21,13 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import bus_frames, network_messages
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.loop import PERIOD
-from twin_gait.live.protocol import Message, MessageRejected, SetControl, Value, one_line
+from twin_gait.live.motor_link import MotorLink
+from twin_gait.live.protocol import DoAction, Message, MessageRejected, SetControl, Value, one_line
 from twin_gait.live.telemetry import Block, EventLog
 from twin_gait.network.dbc import Message as BusMessage
+from twin_gait.network.drives import MotorFrame
 from twin_gait.network.messages import ON_DEMAND
+from twin_gait.parameters.motor_bus import MotorProtocol
 from twin_gait.parameters.network import NetworkParameters
 from twin_gait.simulation.simulation_setup import SimulationSetup
 
@@ -100,14 +104,19 @@ class CanLink:
         ``name``: as in :func:`open_bus`; ``setup``: of the walk; ``event_log``: for notes on errors;
         ``submit``: function that accepts a message like those of a page.
         """
-        self._messages = network_messages(setup.experiment)
+        # Drives of other makers; None if the frames are those of TWIN's boards.
+        own = setup.experiment.plant.motor_bus.protocol is MotorProtocol.TWIN
+        self._motors = None if own else MotorLink(setup.experiment, self._hold)
+        self._messages = network_messages(setup.experiment) if own else {}
         on_demand = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in on_demand}  # commands of a monitor by identifier
         self._body_weight = setup.world.body_weight
         self._event_log, self._submit = event_log, submit
         self._blocks: deque[Block] = deque()
         self.add_block = self._blocks.append  # accepts a block of the walk; returns immediately
-        self._due: deque[tuple[float, can.Message]] = deque()
+        # Times, and functions that return identifier and payload of the frames that are sent then.
+        self._due: deque[tuple[float, Callable[[], list[MotorFrame]]]] = deque()
+        self._last_sent = 0.0  # time of the last frames, in the time of this machine
         self._start = 0.0  # start of the walk in the time of this machine
         self._last_commands: dict[int, Commands] = {}
         self._unsent_commands: Commands = {}
@@ -129,6 +138,8 @@ class CanLink:
             while not self._closed.is_set():
                 self._send_and_receive()
                 self._submit_commands()
+            if self._motors is not None:
+                self._send(self._motors.stop())
         except Exception:  # drivers raise errors of any type; the terminal shows the traceback
             self._note("the link to the CAN bus has ended, no frame is sent or received; restart the walk")
             raise
@@ -141,7 +152,13 @@ class CanLink:
             while self._blocks:
                 self._schedule_frames(self._blocks.popleft())
             while self._due and self._due[0][0] <= time.monotonic():
-                self._bus.send(self._due.popleft()[1], SEND_TIME)
+                self._last_sent, frames = self._due.popleft()
+                if self._motors and self._due and self._due[0][0] <= time.monotonic():
+                    continue  # a newer setpoint for the drives is due as well
+                self._send(frames())
+            if self._motors and self._motors.running and time.monotonic() > self._last_sent + FARTHEST:
+                self._send(self._motors.stop())
+                self._note("the walk pauses or stalls: the drives are off until it goes on")
             wait = self._due[0][0] - time.monotonic() if self._due else LISTENING
             message = self._bus.recv(min(max(wait, 0.0), LISTENING))
             if message is not None:
@@ -150,6 +167,19 @@ class CanLink:
             self._due.clear()  # set points that wait for the bus would come too late
             self._note(f"the CAN bus has failed, frames are lost: {one_line(error)}")
             self._closed.wait(PERIOD)
+
+    def _send(self, frames: list[MotorFrame]) -> None:
+        import can
+
+        for identifier, data in frames:
+            message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False, is_rx=False)
+            self._bus.send(message, SEND_TIME)
+
+    def _hold(self, fault: str) -> None:
+        """Note the fault of a drive, and hold the legs."""
+        text = f"{fault}; the legs are held, restart the walk after its repair"
+        self._event_log.emit("note", text, user=USER)
+        self._submit(DoAction(id=USER, user=USER, action="stop"))
 
     def _note(self, text: str) -> None:
         """Emit a note only once, because its cause may occur with every frame."""
@@ -161,26 +191,28 @@ class CanLink:
 
     def _schedule_frames(self, block: Block) -> None:
         """Schedule the frames of a block."""
-        import can
-
-        weight, tripped = self._body_weight, block.tripped
-        columns, messages = block.columns, self._messages
-        frames = bus_frames(columns, messages, first=block.first, body_weight=weight, tripped=tripped)
+        cycles: list[tuple[float, Callable[[], list[MotorFrame]]]]
+        if self._motors is not None:
+            cycles = list(self._motors.schedule(block))
+        else:
+            weight, tripped = self._body_weight, block.tripped
+            columns, messages = block.columns, self._messages
+            frames = bus_frames(columns, messages, first=block.first, body_weight=weight, tripped=tripped)
+            cycles = [(frame.time, partial(list, [MotorFrame(*frame[1:])])) for frame in frames]
         now = time.monotonic()
         # A block is ready at the start of its time or a little later; it is therefore sent one block later.
-        if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
-            self._start = now + PERIOD - frames[0].time  # after a pause, a restart, a stall
-        for frame in frames:
-            message = can.Message(
-                arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_rx=False
-            )
-            self._due.append((self._start + frame.time, message))
+        if cycles and abs(self._start + cycles[0][0] - now - PERIOD) > FARTHEST:
+            self._start = now + PERIOD - cycles[0][0]  # after a pause, a restart, a stall
+        self._due.extend((self._start + tick, frames) for tick, frames in cycles)
 
     # ------------------------------------------------------------------ listening
 
     def _receive(self, message: can.Message) -> None:
         """Decode a frame, and store the commands that differ from those of the previous frame."""
         known = self._commands.get(message.arbitration_id)
+        plain = message.is_rx and not (message.is_extended_id or message.is_error_frame)
+        if self._motors is not None and plain:
+            self._motors.receive(MotorFrame(message.arbitration_id, bytes(message.data)))
         if known is None or message.is_extended_id or message.is_error_frame:
             return
         try:
