@@ -235,9 +235,11 @@ class Expressions:
                 return replace(floor, kind=INT, text=floor.text.replace("real", "int", 1))
             case ast.Call(func=ast.Name(id=name)) if name in BUILT_IN and name not in self.source.scope:
                 return self._built_in(node, name)
-            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name)):
+            case ast.Call(
+                func=ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" | "sqrt" as name)
+            ):
                 given = self.expect(node.args[0], REAL)
-                return Value(REAL if name == "floor" else BOOL, f"real_{name}({given.text})")
+                return Value(BOOL if name == "isfinite" else REAL, f"real_{name}({given.text})")
             case ast.Call(func=ast.Name(id=name)):
                 source = self.functions.sources.resolve(name, self.source.scope)
                 if isinstance(source, Source):
@@ -245,6 +247,9 @@ class Expressions:
         raise self.source.print_error(node, "this function cannot be printed")
 
     def _built_in(self, node: ast.Call, name: str) -> Value:
+        if name in ("max", "min") and len(node.args) > 2:
+            first = ast.copy_location(ast.Call(node.func, node.args[:-1], []), node)
+            return self._built_in(ast.copy_location(ast.Call(node.func, [first, node.args[-1]], []), node), name)
         if len(node.args) != BUILT_IN[name]:
             raise self.source.print_error(node, "this function cannot be printed")
         if name == "len":

@@ -7,7 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -128,6 +128,29 @@ def _numbers(
             yield f"{name}{field}", inner
         else:
             yield from _numbers(value, inner, name, labels)
+
+
+def pad_lists(record: Any, kind: type) -> None:
+    """Pad the lists of all records of a class in a record in place, because C has one length for all of them.
+
+    ``kind``: class whose functions do not use the lengths of its lists.
+    """
+    found = [item for item in _records(record) if type(item) is kind]
+    for name, _ in field_types(kind):
+        lists = [value for item in found if isinstance(value := getattr(item, name), list)]
+        longest = max(map(len, lists), default=0)
+        for items in lists:
+            items.extend(items[-1:] * (longest - len(items)))
+
+
+def _records(record: Any) -> Iterator[Any]:
+    """Yield a record and all records in it."""
+    yield record
+    for name, _ in field_types(type(record)):
+        value = getattr(record, name)
+        for item in value if isinstance(value, list) else [value]:
+            if is_dataclass(item):
+                yield from _records(item)
 
 
 def structured_name(name: str) -> str:

@@ -1,8 +1,6 @@
 """FMU of the controller: boards and gait controller of an experiment, with tunable parameters."""
 
 from collections.abc import Iterator, Sequence
-from copy import copy
-from typing import Any
 
 from twin_gait.control.safety import TripCause
 from twin_gait.core.elementary import sine_cosine
@@ -10,7 +8,7 @@ from twin_gait.core.guards import GuardProgram
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.exoskeleton_unit import build_exoskeleton_unit
-from twin_gait.firmware.fmu import FmuUnit, FmuVariable
+from twin_gait.firmware.fmu import FmuUnit, FmuVariable, pad_lists
 from twin_gait.firmware.printer import TranslationUnit, print_units
 from twin_gait.firmware.project import EXOSKELETON, require_printable
 from twin_gait.gait.guards import Comparison
@@ -33,10 +31,7 @@ def controller_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
     setup = build_setup(experiment)
     linked = build_exoskeleton_unit(setup, single=False)
     record, inputs = linked.record, linked.inputs
-    programs = [record.controller.program]
-    if experiment.modes is not None:
-        programs.append(record.controller.supervisor.program)
-        _pad_to_equal_lengths(programs)
+    pad_lists(record, GuardProgram)
     for board, given in zip(record.boards, inputs.boards, strict=True):
         given.angle = board.encoder.angle
     inputs.direct.bus_voltage = record.controller.supply.voltage
@@ -55,15 +50,6 @@ def controller_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
         records,
     )
     return made, list(_variables(made, setup))
-
-
-def _pad_to_equal_lengths(programs: Sequence[GuardProgram]) -> None:
-    """Pad the lists of programs in place; a list in a record has one length in C."""
-    for name in ("minimum_ticks", "transitions", "nodes", "comparisons"):
-        lists: list[list[Any]] = [getattr(program, name) for program in programs]
-        longest = max(map(len, lists))
-        for items in lists:
-            items.extend(copy(items[-1]) for _ in range(longest - len(items)))
 
 
 def joint_names(setup: SimulationSetup) -> list[str]:

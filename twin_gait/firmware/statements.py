@@ -104,6 +104,8 @@ class Statements(Expressions):
                 self._emit(f"{self.statement_value(call).text};")
             case ast.Continue():
                 self._emit("continue;")
+            case ast.Break():
+                self._emit("break;")
             case ast.Expr(value=ast.Constant(value=str(text))):
                 if node is not self.source.tree.body[0]:  # The docstring is printed above the function.
                     self.lines += comment(text, self.depth * INDENT)

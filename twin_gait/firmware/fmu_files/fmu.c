@@ -1,5 +1,8 @@
 /* Functional mock-up unit (FMI 2.0, co-simulation) of the printed unit {{ unit.name }}. Numbers are double.
    Build it with -ffp-contract=off, so that it gives the bits of the simulation. Not a medical device. */
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC optimize("no-math-errno") /* a square root is then an instruction, and needs no libm */
+#endif
 #define REAL_DOUBLE
 #include "{{ unit.name }}.c"
 

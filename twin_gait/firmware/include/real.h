@@ -4,7 +4,7 @@
 #define TWIN_GAIT_REAL_H
 
 #include <float.h>
-#include <math.h> /* INFINITY and NAN only: no function of the library is called */
+#include <math.h> /* INFINITY, NAN and the square root, which IEEE 754 rounds; no unit of a board calls it */
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -22,6 +22,7 @@ typedef uint64_t real_bits;
 #define REAL_WHOLE 4503599627370496.0 /* 2^52: all larger numbers are integers */
 #define REAL_MANTISSA 52
 #define REAL_BIAS 1023
+#define real_sqrt sqrt
 #else
 typedef float real;
 typedef int32_t real_whole;
@@ -32,6 +33,7 @@ typedef uint32_t real_bits;
 #define REAL_WHOLE 8388608.0f /* 2^23 */
 #define REAL_MANTISSA 23
 #define REAL_BIAS 127
+#define real_sqrt sqrtf
 #endif
 
 typedef union {
