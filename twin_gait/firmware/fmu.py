@@ -1,10 +1,9 @@
-"""Functional mock-up units (FMI 2.0 for co-simulation) of printed units: variables, description, archive."""
+"""Functional mock-up units (FMI 2.0 for co-simulation) of printed units: variables and archive."""
 
 import hashlib
 import math
 import platform
 import re
-import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
@@ -22,16 +21,21 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation.record import field_types
 from twin_gait.templates import make_template_environment
 
-_FILES = make_template_environment(Path(__file__).with_name("fmu_files"), keep_trailing_newline=True)
+_FILES = make_template_environment(
+    Path(__file__).with_name("fmu_files"),
+    keep_trailing_newline=True,
+    autoescape=lambda name: name.endswith(".xml"),
+)
 _TYPES = {REAL: "Real", INT: "Integer", BOOL: "Boolean"}  # Types of FMI by the kinds of the printer.
 _PLATFORMS = {"Linux": ("linux64", "so"), "Darwin": ("darwin64", "dylib"), "Windows": ("win64", "dll")}
-_UNIT = re.compile(r"\[([^\]]+)\]")  # Unit in the description of a field.
+_STRUCTURED = re.compile(
+    r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII
+)  # Names of FMI with parts, without quotes.
 # Exponents of the base units by unit.
 _BASE_UNITS = {
     **{unit: {unit: 1} for unit in ("rad", "s", "m", "kg", "A")},
     "N": {"kg": 1, "m": 1, "s": -2},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "W": {"kg": 1, "m": 2, "s": -3},
 }
 _DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s"}
 
@@ -42,16 +46,29 @@ class FmuVariable(NamedTuple):
     name: str  # Name for the user, such as ``left_hip.angle``.
     path: str  # Expression in C, such as ``inputs.boards[0].angle``.
     kind: Scalar
-    causality: str  # ``input``, ``output`` or ``parameter``.
+    causality: str  # ``input``, ``output`` or ``parameter``, which is tunable.
     start: bool | int | float  # Value at the start; of an output it has no meaning.
     unit: str  # Unit; empty if it has none.
     description: str
     sign: float = 1.0  # -1 if the record contains the negative of the variable.
+    reference: int = -1  # Value reference.
 
     @property
     def type(self) -> str:
         """Type of FMI."""
         return _TYPES[self.kind]
+
+    @property
+    def variability(self) -> str:
+        """Variability of FMI."""
+        return (
+            "tunable" if self.causality == "parameter" else "continuous" if self.kind is REAL else "discrete"
+        )
+
+    @property
+    def is_output(self) -> bool:
+        """Whether the unit computes the variable."""
+        return self.causality == "output"
 
     @property
     def c_start(self) -> str:
@@ -73,13 +90,10 @@ class FmuUnit:
     program: Program  # Printed program, in which no record is a constant table.
     records: Mapping[str, Any]  # Samples of ``unit``, ``inputs`` and ``outputs`` at tick 0, by these names.
 
-    def variable(
-        self, name: str, path: str, causality: str, description: str = "", **more: Any
-    ) -> Iterator[FmuVariable]:
+    def variable(self, name: str, path: str, causality: str, **more: Any) -> Iterator[FmuVariable]:
         """Yield the variable at a path in the records; nothing for a field that the C does not have.
 
-        Unit, and description if it is empty, come from the comment of the field; ``more`` replaces fields of
-        the variable.
+        Unit and description come from the comment of the field; ``more`` replaces fields of the variable.
         """
         root, *parts = re.findall(r"\w+", path)
         value, text = self.records[root], ""
@@ -91,19 +105,12 @@ class FmuUnit:
                 return
             text = attributes_of(type(value)).get(part, part)
             value = getattr(value, part)
-        kind = type(value)
-        unit = _UNIT.search(text)
-        shown = (unit[1] if unit and SCALARS[kind] is REAL else "").replace("·", ".").replace("²", "2")
-        given = {"unit": shown, "start": value, **more}
+        kind, unit = SCALARS[type(value)], re.search(r"\[([^\]]+)\]", text)
+        shown = unit[1].replace("·", ".").replace("²", "2") if unit and kind is REAL else ""
         where = name.rpartition(".")[0].replace("_", " ").replace(".", ", ")
-        yield FmuVariable(
-            structured_name(name),
-            re.sub(r"[A-Za-z]\w*", lambda part: identifier(part[0]), path),
-            SCALARS[kind],
-            causality,
-            description=description or strip_markup(f"{where}: {text}" if where else text),
-            **given,
-        )
+        text = strip_markup(f"{where}: {text}" if where else text)
+        path = re.sub(r"[A-Za-z]\w*", lambda part: identifier(part[0]), path)
+        yield FmuVariable(name, path, kind, causality, value, shown, text)._replace(**more)
 
     def exchanged(self, causality: str, labels: Mapping[str, Sequence[str]]) -> Iterator[FmuVariable]:
         """Yield all inputs or outputs; ``labels``: names of the entries of each list, by its field."""
@@ -153,17 +160,6 @@ def _records(record: Any) -> Iterator[Any]:
                 yield from _records(item)
 
 
-def structured_name(name: str) -> str:
-    """Return a name in the convention "structured" of FMI: quotes around parts that are no identifiers."""
-    word = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-    return ".".join(part if word.fullmatch(part) else _quoted(part) for part in name.split("."))
-
-
-def _quoted(part: str) -> str:
-    plain = part.encode("ascii", "replace").decode()
-    return "'" + re.sub(r"[^\w !#$%&()*+,\-/:;<>=?@\[\]^{}|~]", "_", plain) + "'"
-
-
 def write_fmu(
     unit: FmuUnit, variables: Sequence[FmuVariable], path: Path, files: Mapping[str, str], stop_time: float
 ) -> None:
@@ -181,25 +177,31 @@ def write_fmu(
         FirmwareError: If gcc rejects a source.
     """
     named, count = list[FmuVariable](), dict[str, int]()
-    for item in variables:
+    for reference, item in enumerate(variables):
         count[item.name] = count.get(item.name, 0) + 1
         again = f"_{count[item.name]}" if count[item.name] > 1 else ""
-        named.append(item._replace(name=item.name + again))
-    guid = hashlib.sha256(repr((unit.program.source_hash, named)).encode()).hexdigest()[:32]
-    content = {"unit": unit, "variables": named, "guid": guid, "period": TICK}
-    content["record"] = type(unit.records["unit"]).__name__
-    sources = dict(unit.program.files)
-    for name in ("fmi2.h", "fmu.c"):
-        sources[name] = _FILES.get_template(name).render(content)
+        named.append(item._replace(name=item.name + again, reference=reference))
+    content = {
+        "unit": unit,
+        "variables": named,
+        "guid": hashlib.sha256(repr((unit.program.source_hash, named)).encode()).hexdigest()[:32],
+        "version": twin_gait.__version__,
+        "convention": "structured" if all(_STRUCTURED.fullmatch(name) for name in count) else "flat",
+        "units": {name: base_units(name) for name in sorted({item.unit for item in named} - {""})},
+        "display_units": _DISPLAY_UNITS,
+        "degrees": 180.0 / math.pi,
+        "period": TICK,
+        "stop_time": stop_time,
+        **{f"{name}_type": type(record).__name__ for name, record in unit.records.items()},
+    }
     folder, suffix = _PLATFORMS[platform.system()]
-    root = _model_description(unit, named, guid, stop_time)
-    contents: dict[str, str | bytes] = {**files}
-    contents["modelDescription.xml"] = ET.tostring(root, "unicode", xml_declaration=True)
+    texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
+    contents: dict[str, str | bytes] = {"modelDescription.xml": texts.pop("modelDescription.xml"), **files}
     with TemporaryDirectory() as build, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in sources.items():
+        for name, text in {**unit.program.files, **texts}.items():
             Path(build, name).write_text(text, encoding="utf-8")
             contents[f"sources/{name}"] = text
-        binary = compile_library([Path(build, "fmu.c")], flags=["-fvisibility=hidden"])
+        binary = compile_library([Path(build, "fmu.c")], flags=["-fvisibility=hidden"], libraries=["-lm"])
         contents[f"binaries/{folder}/{unit.name}.{suffix}"] = binary.read_bytes()
         for name, data in contents.items():
             entry = zipfile.ZipInfo(name)  # without a date, so that equal units give equal archives
@@ -207,62 +209,11 @@ def write_fmu(
             archive.writestr(entry, data)
 
 
-def _model_description(
-    unit: FmuUnit, variables: Sequence[FmuVariable], guid: str, stop_time: float
-) -> ET.Element:
-    """Return the model description of FMI 2.0."""
-    root = ET.Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=unit.name,
-        guid=guid,
-        description=unit.description,
-        generationTool=f"twin_gait {twin_gait.__version__}",
-        variableNamingConvention="structured",
-        numberOfEventIndicators="0",
-    )
-    capabilities = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUstate", "canSerializeFMUstate")
-    slave = ET.SubElement(
-        root, "CoSimulation", dict.fromkeys(capabilities, "true"), modelIdentifier=unit.name
-    )
-    ET.SubElement(ET.SubElement(slave, "SourceFiles"), "File", name="fmu.c")
-    units = ET.SubElement(root, "UnitDefinitions")
-    for name in sorted({item.unit for item in variables} - {""}):
-        defined = ET.SubElement(units, "Unit", name=name)
-        ET.SubElement(defined, "BaseUnit", {base: str(power) for base, power in base_units(name).items()})
-        if name in _DISPLAY_UNITS:
-            ET.SubElement(defined, "DisplayUnit", name=_DISPLAY_UNITS[name], factor=repr(180.0 / math.pi))
-    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime=f"{stop_time:g}", stepSize=f"{TICK:g}")
-    model, structure = ET.SubElement(root, "ModelVariables"), ET.SubElement(root, "ModelStructure")
-    outputs, unknowns = (ET.SubElement(structure, name) for name in ("Outputs", "InitialUnknowns"))
-    for reference, item in enumerate(variables):
-        is_output, real = item.causality == "output", item.kind is REAL
-        variability = "tunable" if item.causality == "parameter" else "continuous" if real else "discrete"
-        common = {"name": item.name, "valueReference": str(reference), "description": item.description}
-        common |= {"causality": item.causality, "variability": variability}
-        element = ET.SubElement(model, "ScalarVariable", common)
-        typed = ET.SubElement(element, item.type)
-        if item.unit:
-            typed.set("unit", item.unit)
-        if item.unit in _DISPLAY_UNITS:
-            typed.set("displayUnit", _DISPLAY_UNITS[item.unit])
-        if is_output:
-            element.set("initial", "calculated")
-            for parent in (outputs, unknowns):
-                ET.SubElement(parent, "Unknown", index=str(reference + 1))
-        else:
-            typed.set("start", str(item.start).lower() if item.kind is BOOL else repr(item.start))
-    ET.indent(root)
-    return root
-
-
 def base_units(unit: str) -> dict[str, int]:
     """Return the exponents of the base units of a unit such as ``N.m.s/rad``."""
     powers: dict[str, int] = {}
     for place, part in enumerate(unit.split("/")):
-        for factor in part.split("."):
-            name, exponent = re.fullmatch(r"(\w*?)(\d*)", factor).groups()  # type: ignore[union-attr]
-            for base, power in _BASE_UNITS.get(name, {}).items():
-                signed = power * int(exponent or 1) * (-1 if place else 1)
-                powers[base] = powers.get(base, 0) + signed
+        for name in part.split("."):
+            for base, power in _BASE_UNITS[name].items():
+                powers[base] = powers.get(base, 0) + (-power if place else power)
     return powers

@@ -17,7 +17,6 @@ from twin_gait.gait.table import StateTable
 from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 NAME = "controller"
-_IMPEDANCE = "stiffness", "damping", "equilibrium", "gain"
 _SI_UNITS = {"deg": "rad", "deg/s": "rad/s", "s": "s"}  # Units of thresholds by their units in a table.
 
 
@@ -35,20 +34,15 @@ def controller_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
     for board, given in zip(record.boards, inputs.boards, strict=True):
         given.angle = board.encoder.angle
     inputs.direct.bus_voltage = record.controller.supply.voltage
-    unit = TranslationUnit(
-        NAME, [units.exoskeleton_step, units.exoskeleton_update], {EXOSKELETON: linked.record}
-    )
-    names = {**linked.build_flags, "sine_cosine": sine_cosine}
-    program = print_units([unit], names, linked.kernel, [inputs, linked.outputs, record])
     records = {"unit": record, "inputs": inputs, "outputs": linked.outputs}
-    made = FmuUnit(
-        NAME,
-        EXOSKELETON,
-        f"Controller of {experiment.name}: joint boards and gait controller with the gait table "
-        f"{setup.table.name}, in ticks of 1 ms. Not a medical device.",
-        program,
-        records,
+    program = print_units(
+        [TranslationUnit(NAME, [units.exoskeleton_step, units.exoskeleton_update], {EXOSKELETON: record})],
+        {**linked.build_flags, "sine_cosine": sine_cosine},
+        linked.kernel,
+        list(records.values()),
     )
+    text = f"Controller of {experiment.name}, boards included, in ticks of 1 ms. Not a medical device."
+    made = FmuUnit(NAME, EXOSKELETON, text, program, records)
     return made, list(_variables(made, setup))
 
 
@@ -62,25 +56,28 @@ def leg_names(setup: SimulationSetup) -> list[str]:
     return [f"{side}_leg" for side in setup.sides]
 
 
+def exchanged_labels(setup: SimulationSetup) -> dict[str, list[str]]:
+    """Return the names of the entries of the lists that controller and plant exchange, by their fields."""
+    by_leg = dict.fromkeys(("loads", "phases", "transitions"), leg_names(setup))
+    return by_leg | dict.fromkeys(("boards", "setpoints", "commands"), joint_names(setup))
+
+
 def _variables(unit: FmuUnit, setup: SimulationSetup) -> Iterator[FmuVariable]:
-    joints, legs, table = joint_names(setup), leg_names(setup), setup.table
-    by_joint = dict.fromkeys(("boards", "setpoints", "commands"), joints)
-    labels = by_joint | dict.fromkeys(("loads", "phases", "transitions"), legs)
+    table, modes, labels = setup.table, setup.experiment.modes, exchanged_labels(setup)
     yield from unit.exchanged("input", labels)
-    notes = {"phase": numbered(table.phase_names), "trip_cause": numbered(list(TripCause))}
-    modes = setup.experiment.modes
+    notes = {"phase": _numbered(table.phase_names), "trip_cause": _numbered(list(TripCause))}
     if modes is not None:
-        notes |= {"mode": numbered(modes.phase_names), "rejected": numbered(modes.requests, 1)}
+        notes |= {"mode": _numbered(modes.phase_names), "rejected": _numbered(modes.requests, 1)}
     for item in unit.exchanged("output", labels):
-        note = notes.get(item.name.rpartition(".")[2])
-        yield item._replace(description=f"{item.description} {note}") if note else item
+        note = notes.get(item.name.rpartition(".")[2], "")
+        yield item._replace(description=f"{item.description} {note}".strip())
     state = "unit.controller"
     for index, phase in enumerate(table.phase_names):
-        for number, joint in enumerate(joints):
-            for name in _IMPEDANCE:
+        for number, joint in enumerate(labels["boards"]):
+            for name in ("stiffness", "damping", "equilibrium", "gain"):
                 path = f"{state}.joints[{number}].setpoints[{index}].{name}"
                 yield from unit.variable(f"{joint}.{phase}.{name}", path, "parameter")
-        for number, leg in enumerate(legs):
+        for number, leg in enumerate(labels["loads"]):
             path = f"{state}.legs[{number}].gravity_shares[{index}]"
             yield from unit.variable(f"{leg}.{phase}.gravity_share", path, "parameter")
     yield from _thresholds(unit, f"{state}.program", table)
@@ -90,24 +87,19 @@ def _variables(unit: FmuUnit, setup: SimulationSetup) -> Iterator[FmuVariable]:
 
 def _thresholds(unit: FmuUnit, program: str, table: StateTable) -> Iterator[FmuVariable]:
     """Yield the thresholds of a table in SI, in the order of its compiled guards."""
-    number = 0
-    for rule in table.transitions:
-        for atom in rule.atoms:
-            if not isinstance(atom, Comparison):
-                continue
-            sign = 1.0 if atom.operator == ">" else -1.0  # the program compares with ">" only
-            name = f"threshold.{rule.source}.{rule.target}.{rule.cause}"
-            path = f"{program}.comparisons[{number}].threshold"
-            for item in unit.variable(name, path, "parameter"):
-                yield item._replace(
-                    unit=_SI_UNITS.get(find_signal(atom.signal).unit.name, ""),
-                    description=f"threshold from {rule.source} to {rule.target} ({rule.cause}): {atom}",
-                    start=sign * item.start,
-                    sign=sign,
-                )
-            number += 1
+    pairs = (
+        (rule, atom) for rule in table.transitions for atom in rule.atoms if isinstance(atom, Comparison)
+    )
+    for number, (rule, atom) in enumerate(pairs):
+        sign = 1.0 if atom.operator == ">" else -1.0  # the program compares with ">" only
+        name = f"threshold.{rule.source}.{rule.target}.{rule.cause}"
+        si = _SI_UNITS.get(find_signal(atom.signal).unit.name, "")
+        text = f"threshold from {rule.source} to {rule.target} ({rule.cause}): {atom}"
+        path = f"{program}.comparisons[{number}].threshold"
+        for item in unit.variable(name, path, "parameter", unit=si, description=text, sign=sign):
+            yield item._replace(start=sign * item.start)
 
 
-def numbered(names: Sequence[str], first: int = 0) -> str:
+def _numbered(names: Sequence[str], first: int = 0) -> str:
     """Return the meanings of the values of an integer as text."""
     return f"({', '.join(f'{value} {name}' for value, name in enumerate(names, first))})"

@@ -30,7 +30,9 @@ class Function:
     aliases: dict[str, list[Value]] = field(default_factory=dict)
     written: set[str] = field(default_factory=set)  # names of records and lists that are written to
     lengths: set[str] = field(default_factory=set)  # arguments with a relevant length
-    namesakes: int = 0  # functions before it with its name, which Python tells apart by underscores or modules
+    namesakes: int = (
+        0  # functions before it with its name, which Python tells apart by underscores or modules
+    )
 
     @property
     def name(self) -> str:

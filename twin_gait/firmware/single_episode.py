@@ -112,7 +112,7 @@ class _Rewriting(ast.NodeTransformer):
             case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=number)) if isinstance(
                 self.renamed.get(name), ast.Constant
             ):
-                return ast.Name(f"{name}_{number}", ast.Load())
+                return ast.Name(f"{name}_{number!r}", ast.Load())
         return self.generic_visit(node)
 
     def visit_Attribute(self, node: ast.Attribute) -> Any:

@@ -1,8 +1,5 @@
 /* Functional mock-up unit (FMI 2.0, co-simulation) of the printed unit {{ unit.name }}. Numbers are double.
-   Build it with -ffp-contract=off, so that it gives the bits of the simulation. Not a medical device. */
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("no-math-errno") /* a square root is then an instruction, and needs no libm */
-#endif
+   Build it with -ffp-contract=off and libm, so that it gives the bits of the simulation. Not a medical device. */
 #define REAL_DOUBLE
 #include "{{ unit.name }}.c"
 
@@ -16,9 +13,9 @@
 
 /* All that changes; it has no pointers, so that a copy of it is a state of the FMU. */
 typedef struct {
-    {{ record }} unit;
-    {{ record }}Inputs inputs;
-    {{ record }}Outputs outputs;
+    {{ unit_type }} unit;
+    {{ inputs_type }} inputs;
+    {{ outputs_type }} outputs;
     double time;
     bool running; /* whether the initialization is over */
     bool changed; /* whether parameters have been set since the last call of {{ unit.prefix }}_update */
@@ -26,7 +23,7 @@ typedef struct {
 
 typedef struct {
     State state;
-    const fmi2CallbackFunctions *callbacks;
+    fmi2CallbackFunctions callbacks;
     char name[64];
 } Instance;
 
@@ -48,8 +45,8 @@ static const Variable variables[] = {
 enum { N_VARIABLES = sizeof variables / sizeof variables[0] };
 
 static fmi2Status report(const Instance *instance, fmi2String message) {
-    const fmi2CallbackFunctions *callbacks = instance->callbacks;
-    if (callbacks != NULL && callbacks->logger != NULL) {
+    const fmi2CallbackFunctions *callbacks = &instance->callbacks;
+    if (callbacks->logger != NULL) {
         callbacks->logger(callbacks->componentEnvironment, instance->name, fmi2Error, "logStatusError", message);
     }
     return fmi2Error;
@@ -70,7 +67,7 @@ static void refresh(State *state) {
     if (state->changed && state->running) {
         {{ unit.prefix }}_update(&state->unit, &state->outputs);
     } else if (state->changed) {
-        {{ record }} copy = state->unit;
+        {{ unit_type }} copy = state->unit;
         {{ unit.prefix }}_update(&copy, &state->outputs);
     }
     state->changed = false;
@@ -106,7 +103,9 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     if (instance == NULL) {
         return NULL;
     }
-    instance->callbacks = callbacks;
+    if (callbacks != NULL) {
+        instance->callbacks = *callbacks;
+    }
     (void)strncpy(instance->name, name, sizeof instance->name - 1);
     if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, GUID) != 0) {
         (void)report(instance, "expected co-simulation, and the GUID of modelDescription.xml");
