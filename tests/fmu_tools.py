@@ -25,8 +25,13 @@ def write_both(experiment: Experiment, folder: Path) -> tuple[Path, Path]:
         unit, variables = make(experiment)
         archive = folder / f"{unit.name}.fmu"
         write_fmu(unit, variables, archive, {}, experiment.duration)
-        paths.append(Path(fmpy.extract(str(archive), unzipdir=str(folder / unit.name))))
+        paths.append(extract(archive))
     return paths[0], paths[1]
+
+
+def extract(archive: Path) -> Path:
+    """Extract an FMU next to it, and return its folder."""
+    return Path(fmpy.extract(str(archive), unzipdir=str(archive.with_suffix(""))))
 
 
 class Instance:

@@ -34,9 +34,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the controller as C, and verify it.
 
     Write gait table, drives and laws of an experiment as readable C99: the board of a joint, the gait
-    controller, both as one unit, and the CAN frames; with a Makefile and a short walk as test vectors. With
-    --target fmu, write controller and plant for Simulink, OpenModelica and other tools instead. The exit
-    status is 1 if --verify finds a difference.
+    controller, both as one unit, and the CAN frames; with a Makefile and a short walk as test vectors. The
+    target fmu is controller and plant for Simulink, OpenModelica and other tools instead. The exit status is
+    1 if --verify finds a difference.
     """
     from twin_gait.files import write_json
     from twin_gait.firmware.project_folder import MANIFEST

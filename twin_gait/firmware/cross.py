@@ -78,7 +78,11 @@ def build_host(unit: UnitSources, path: Path, *, compiler: str = "gcc", flags: S
 
 
 def compile_library(
-    sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = (), libraries: Sequence[str] = ()
+    sources: Sequence[Path],
+    *,
+    compiler: str = "gcc",
+    flags: Sequence[str] = (),
+    libraries: Sequence[str] = (),
 ) -> Path:
     """Compile sources into a shared library of this machine, next to the first of them."""
     path = sources[0].with_suffix(".so")

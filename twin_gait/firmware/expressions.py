@@ -235,11 +235,9 @@ class Expressions:
                 return replace(floor, kind=INT, text=floor.text.replace("real", "int", 1))
             case ast.Call(func=ast.Name(id=name)) if name in BUILT_IN and name not in self.source.scope:
                 return self._built_in(node, name)
-            case ast.Call(
-                func=ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" | "sqrt" as name)
-            ):
+            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name)):
                 given = self.expect(node.args[0], REAL)
-                return Value(BOOL if name == "isfinite" else REAL, f"real_{name}({given.text})")
+                return Value(REAL if name == "floor" else BOOL, f"real_{name}({given.text})")
             case ast.Call(func=ast.Name(id=name)):
                 source = self.functions.sources.resolve(name, self.source.scope)
                 if isinstance(source, Source):

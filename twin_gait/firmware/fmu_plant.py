@@ -18,7 +18,7 @@ from twin_gait.firmware.exoskeleton_unit import build_exoskeleton_unit
 from twin_gait.firmware.fmu import FmuUnit, FmuVariable, pad_lists
 from twin_gait.firmware.fmu_controller import exchanged_labels, joint_names
 from twin_gait.firmware.printer import TranslationUnit, print_units
-from twin_gait.firmware.single_episode import SingleEpisode
+from twin_gait.firmware.single_episode import SingleEpisode, real_sqrt
 from twin_gait.firmware.units import ExoskeletonInputs, ExoskeletonOutputs
 from twin_gait.kernels.generated import write_contact_forces, write_dynamics, write_merged_functions
 from twin_gait.simulation.compiled_engine import assemble
@@ -138,7 +138,7 @@ def plant_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
     }
     texts = [write_dynamics(bodies), write_contact_forces(bodies)]
     kernel = "\n\n".join([*write_merged_functions("".join(texts)), *texts])
-    laws = {"sine_cosine": sine_cosine, "ground_contact_force": ground_contact_force}
+    laws = {item.__name__: item for item in (sine_cosine, ground_contact_force, real_sqrt)}
     program = print_units(
         [TranslationUnit(NAME, [plant_step, plant_update], {NAME: unit})],
         {**flags, "WITH_FAULTS": False, **laws, **drivers},
@@ -153,17 +153,19 @@ def plant_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
 
 def _variables(unit: FmuUnit, setup: SimulationSetup, state: Episode) -> Iterator[FmuVariable]:
     pelvis = setup.world.model.pelvis_index
-    for causality in ("input", "output"):
-        yield from unit.exchanged(causality, exchanged_labels(setup))
+    labels = exchanged_labels(setup)
+    for item in unit.exchanged("input", labels):
+        if item.name.rpartition(".")[2] in ("target_current", "drive_off", "phase", "trip_cause"):
+            yield item
+    yield from unit.exchanged("output", labels)
     for name, joint in zip(joint_names(setup), state.joints, strict=True):
-        text = name.replace("_", " ")
-        for quantity, field_name, si, meaning in (
-            ("position", "q", "rad", "true angle"),
-            ("velocity", "v", "rad/s", "true velocity"),
-            ("motor_torque", "motor", "N.m", "torque of the motor"),
+        for quantity, key, si, meaning in (
+            ("position", "q", "rad", "True angle"),
+            ("velocity", "v", "rad/s", "True velocity"),
+            ("motor_torque", "motor", "N.m", "Torque of the motor on the joint"),
         ):
-            path = f"unit.episode.{field_name}[{joint.index}]"
-            more = {"unit": si, "description": f"{text}: {meaning} in [{si}], positive in flexion."}
+            path = f"unit.episode.{key}[{joint.index}]"
+            more = {"unit": si, "description": f"{name.replace('_', ' ')}: {meaning}, positive in flexion."}
             yield from unit.variable(f"{name}.{quantity}", path, "output", **more)
     ends = "0 walking, 1 fell, 2 diverged, 3 tipped, 4 lost a crutch"
     yield from unit.variable(

@@ -12,8 +12,11 @@ from twin_gait.firmware.source import Source, Sources
 from twin_gait.firmware.values import Value
 
 ELEMENTARY = "twin_gait.core.elementary"
-# Functions on the bits of a number, which real.h contains.
-HANDWRITTEN = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
+# Functions that real.h contains: on the bits of a number, and the square root, which boards do not have.
+HANDWRITTEN = {
+    *((ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")),
+    ("twin_gait.firmware.single_episode", "real_sqrt"),
+}
 
 
 @dataclass(slots=True, eq=False)

@@ -6,12 +6,18 @@ vectors. The rewritten functions have the same operations in the same order.
 
 import ast
 import inspect
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from types import FunctionType
 from typing import Any, get_args
 
 _LANES = ("vector_lanes", "scalar_lanes")
+
+
+def real_sqrt(x: float) -> float:
+    """Return the square root."""
+    return math.sqrt(x)
 
 
 class SingleEpisode:
@@ -100,8 +106,10 @@ class _Rewriting(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> Any:
-        """Replace the row of the noise by that of the episode, which is the same in every tick."""
+        """Replace the row of the noise, which is the same in every tick, and the square root."""
         match node:
+            case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr="sqrt")):
+                node.func = ast.Name("real_sqrt", ast.Load())
             case ast.Call(func=ast.Name(id="noise_row"), args=[episode, _]):
                 return _expression(f"{ast.unparse(self.visit(episode))}.noise")
         return self.generic_visit(node)

@@ -140,7 +140,8 @@ class _Folding(ast.NodeTransformer):
     def visit_Assign(self, node: ast.Assign) -> Any:
         self.generic_visit(node)
         target, value = node.targets[0], node.value
-        if len(node.targets) > 1 and not any(_touches(target, value) for target in node.targets):
+        calls = any(isinstance(item, ast.Call) for item in ast.walk(value))
+        if len(node.targets) > 1 and not calls and not any(_touches(item, value) for item in node.targets):
             return [_at(node, ast.Assign([target], value)) for target in node.targets]
         if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
             return node

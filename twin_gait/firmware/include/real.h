@@ -4,7 +4,7 @@
 #define TWIN_GAIT_REAL_H
 
 #include <float.h>
-#include <math.h> /* INFINITY, NAN and the square root, which IEEE 754 rounds; no unit of a board calls it */
+#include <math.h> /* INFINITY, NAN and the square root only */
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -22,7 +22,6 @@ typedef uint64_t real_bits;
 #define REAL_WHOLE 4503599627370496.0 /* 2^52: all larger numbers are integers */
 #define REAL_MANTISSA 52
 #define REAL_BIAS 1023
-#define real_sqrt sqrt
 #else
 typedef float real;
 typedef int32_t real_whole;
@@ -33,7 +32,6 @@ typedef uint32_t real_bits;
 #define REAL_WHOLE 8388608.0f /* 2^23 */
 #define REAL_MANTISSA 23
 #define REAL_BIAS 127
-#define real_sqrt sqrtf
 #endif
 
 typedef union {
@@ -69,6 +67,16 @@ static inline int32_t int_floor(real x)
         return x < REAL(0.0) ? INT32_MIN : 0;
     }
     return x < REAL(2147483648.0) ? (int32_t)real_floor(x) : INT32_MAX;
+}
+
+/* Return the square root, which IEEE 754 rounds. No unit of a board calls it. */
+static inline real real_sqrt(real x)
+{
+#ifdef REAL_DOUBLE
+    return sqrt(x);
+#else
+    return sqrtf(x);
+#endif
 }
 
 /* Return the first of two numbers, unless the second is larger (smaller). */
