@@ -234,16 +234,18 @@ def test_plants_without_an_fmu_are_rejected_by_key(changes, facts):
         plant_fmu(load_experiment("treadmill", changes).experiment)
 
 
-PRESETS = (
-    *("bench_leg", "treadmill_ankle", "treadmill_start_stop", "hip_exoskeleton", "sup_prosthesis"),
-    *("overground", "sit_to_stand", "stand_to_sit"),
+OTHERS = (
+    *("bench_leg", "treadmill_ankle", "treadmill_start_stop", "overground", "sit_to_stand", "stand_to_sit"),
+    *("hip_exoskeleton", "knee_orthosis", "osl_prosthesis", "sup_prosthesis"),
+    "treadmill integration.method=semi_implicit_euler",
+    "treadmill patient=incomplete_sci patient.effort_noise=0",
 )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", OTHERS)
 def test_other_experiments_have_the_bits_of_the_simulation(name, tmp_path):
-    experiment = loaded(name)
+    experiment = loaded(*name.split())
     folders = write_both(experiment, tmp_path)
     controller, plant = map(Instance, folders)
     assert all(validate_fmu(str(folder)) == [] for folder in folders)

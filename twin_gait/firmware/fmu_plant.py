@@ -11,6 +11,7 @@ from twin_gait.control.gait_controller import WITH_SUPERVISOR
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import DelayLine, quantise
+from twin_gait.core.guards import GuardProgram
 from twin_gait.core.schedule import replace_steps
 from twin_gait.exceptions import FirmwareError
 from twin_gait.experiment.experiment import Experiment
@@ -124,7 +125,8 @@ def plant_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
     exchanged = build_exoskeleton_unit(setup)
     given = {item.name: getattr(episode, item.name) for item in fields(episode)}
     state = PlantEpisode(**given, noise=setup.noise[0].tolist())
-    pad_lists(state, DelayLine)
+    for kind in (DelayLine, GuardProgram):
+        pad_lists(state, kind)
     unit = PlantUnit(state, [joint.board.encoder.resolution for joint in state.joints])
     records = {"unit": unit, "inputs": exchanged.outputs, "outputs": exchanged.inputs}
     exchanged.outputs.decision.phases[:] = [leg.phase for leg in state.controller.legs]

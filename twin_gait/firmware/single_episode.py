@@ -70,7 +70,10 @@ class _Rewriting(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Assign(self, node: ast.Assign) -> Any:
-        """Replace the present state or that of a stage, and another name of a function."""
+        """Replace the present state or that of a stage, and another name of a function.
+
+        Without a log, the Runge-Kutta method evaluates stages only, and Euler's method none.
+        """
         match node:
             case ast.Assign(
                 targets=[ast.Tuple(elts=names)], value=ast.Call(func=ast.Name(id="_state"), args=[episode, _])
@@ -106,8 +109,10 @@ class _Rewriting(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> Any:
-        """Replace the row of the noise, which is the same in every tick, and the square root."""
+        """Replace the row of the noise, which is the same in every tick, and functions of Python."""
         match node:
+            case ast.Call(func=ast.Name(id="int"), args=[ast.Name(id=name)]):
+                return _expression(f"int(math.floor({name}))")  # the steps truncate positive numbers only
             case ast.Call(func=ast.Attribute(value=ast.Name(id="math"), attr="sqrt")):
                 node.func = ast.Name("real_sqrt", ast.Load())
             case ast.Call(func=ast.Name(id="noise_row"), args=[episode, _]):
