@@ -247,6 +247,8 @@ def licence_of(found: Any) -> str:
     for file in found.get_all("License-File", []):
         licence = metadata.distribution(found["Name"]).read_text(f"licenses/{file}") or ""
         title = licence.strip().partition("\n")[0]
+        if title == found["Name"]:  # a heading, before a sentence that names the licence
+            title = next((line.rstrip(":") for line in licence.splitlines() if "license" in line), title)
         if 0 < len(title) < 60:
             return title
     return "not named in its metadata"

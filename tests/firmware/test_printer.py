@@ -46,6 +46,18 @@ BOUNDS = Bounds(
     *(-0.5, 0.5, 4.0, 0.05, 0.1, 0.3, 3, 0.01, 0.05, 30.0, 4, 60.0),
     *(5.0, 0.1, 20.0, 1e-3, 1e-4, 2.0, 5, 7.0, 0.5),
 )
+
+
+def first_multiple_above(x: float, y: float, z: float) -> float:
+    """Use a loop that ends early, extrema of three numbers, and an assignment to several names."""
+    found = unfound = 0.0
+    for number in range(5):
+        if number * x > y:
+            found = float(number)
+            break
+    return min(found, max(x, y, z), z) + unfound
+
+
 LAWS = [
     measure_joint,
     next_transition,
@@ -60,6 +72,7 @@ LAWS = [
     elementary.settled_share,
     elementary.hyperbolic_tangent,
     elementary.sine_cosine,
+    first_multiple_above,
 ]
 STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 

@@ -15,7 +15,7 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from twin_gait.configuration.experiments import LoadedExperiment
 
-TARGETS = "board", "osl"  # sources for boards, and further programs that use them
+TARGETS = "board", "osl", "fmu"
 WALK = 3.0  # [s], duration of the walk in the test vectors, which contains every phase of both legs
 
 
@@ -24,7 +24,10 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "firmware", run)
     options.add_experiment(parser, seconds="duration of the experiment")
     options.add_out(parser, "DIR", "folder to write")
-    text = "also write a library for another program: osl, the compiled controller of the Open-Source Leg"
+    text = (
+        "board: the sources for boards; osl: also a library for the Open-Source Leg; "
+        "fmu: functional mock-up units (FMI 2.0) of controller and plant instead (%(default)s)"
+    )
     parser.add_argument("--target", choices=TARGETS, default=TARGETS[0], help=text)
     text = "compare the C with the simulation on the walk and on faults, on this machine and a Cortex-M4F"
     parser.add_argument("--verify", action="store_true", help=text)
@@ -36,7 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     Write gait table, drives and laws of an experiment as readable C99: the board of a joint, the gait
     controller, both as one unit, and the CAN frames; with a Makefile and a short walk as test vectors. The
-    exit status is 1 if --verify finds a difference.
+    target fmu is controller and plant for Simulink, OpenModelica and other tools instead. The exit status is
+    1 if --verify finds a difference.
     """
     from twin_gait.files import write_json
     from twin_gait.firmware.project_folder import MANIFEST
@@ -52,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     kind = FolderKind("a firmware folder", MANIFEST)
     with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
         if staging is not None:
-            document |= {**_write(loaded, staging, arguments.target), "directory": out}
+            write = _write_fmus if arguments.target == "fmu" else _write
+            document |= {**write(loaded, staging, arguments.target), "directory": out}
         if arguments.verify:
             with terminal.progress_bar("verifying", "tick") as progress:
                 found = verify(loaded.experiment, progress)
@@ -66,18 +71,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _write(loaded: LoadedExperiment, folder: Path, target: str) -> dict[str, Any]:
     """Write the project to a folder, and return its manifest."""
-    from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.exoskeleton_unit import record_vectors
     from twin_gait.firmware.osl import write_osl
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.project_folder import write_project
-    from twin_gait.runs.summary import software_versions
-    from twin_gait.runs.user_files import referenced_files, store_files
 
     experiment = loaded.experiment
-    project = print_project(experiment)
-    files = store_files(referenced_files(experiment), folder)
-    document = resolved_document(experiment, loaded.document, software_versions(), files)
+    project, document = print_project(experiment), _resolve(loaded, folder)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress)
@@ -86,3 +86,20 @@ def _write(loaded: LoadedExperiment, folder: Path, target: str) -> dict[str, Any
         library = write_osl(project, folder)
         found["library"] = None if library is None else str(library.relative_to(folder))
     return found
+
+
+def _write_fmus(loaded: LoadedExperiment, folder: Path, _: str) -> dict[str, Any]:
+    """Write the FMUs to a folder, and return their manifest."""
+    from twin_gait.firmware.fmu_folder import write_fmus
+
+    return write_fmus(loaded.experiment, folder, _resolve(loaded, folder))
+
+
+def _resolve(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
+    """Return the resolved document of an experiment, and store the files that it names in a folder."""
+    from twin_gait.configuration.experiments import resolved_document
+    from twin_gait.runs.summary import software_versions
+    from twin_gait.runs.user_files import referenced_files, store_files
+
+    files = store_files(referenced_files(loaded.experiment), folder)
+    return resolved_document(loaded.experiment, loaded.document, software_versions(), files)

@@ -77,10 +77,16 @@ def build_host(unit: UnitSources, path: Path, *, compiler: str = "gcc", flags: S
     return path
 
 
-def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
+def compile_library(
+    sources: Sequence[Path],
+    *,
+    compiler: str = "gcc",
+    flags: Sequence[str] = (),
+    libraries: Sequence[str] = (),
+) -> Path:
     """Compile sources into a shared library of this machine, next to the first of them."""
     path = sources[0].with_suffix(".so")
-    _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
+    _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, *libraries, "-o", path])
     return path
 
 

@@ -65,19 +65,24 @@ class ExoskeletonUnit(NamedTuple):
     kernel: str  # source of the functions of the controller's model
 
 
-def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
-    """Build the unit of a simulation setup; it receives angles as counts times the angle of a count."""
+def build_exoskeleton_unit(setup: SimulationSetup, *, single: bool = True) -> ExoskeletonUnit:
+    """Build the unit of a simulation setup; it receives angles as counts times the angle of a count.
+
+    ``single``: whether its numbers may be float; thresholds on times are then moved by half a tick.
+    """
     bodies, episode, structure = assemble(setup)
     boards = [joint.board for joint in episode.joints]
     for board in boards:
         board.encoder.resolution = 0.0
     controller = episode.controller
     trim(setup.program, controller.program, [leg.debounce for leg in controller.legs])
-    shift_time_thresholds(controller.program, setup.table.signals)
+    if single:
+        shift_time_thresholds(controller.program, setup.table.signals)
     if setup.experiment.modes is not None:
         modes = replace(setup.experiment.modes, joints=setup.table.joints)
         trim(compile_guards(modes), controller.supervisor.program, [controller.supervisor.debounce])
-        shift_time_thresholds(controller.supervisor.program, modes.signals)
+        if single:
+            shift_time_thresholds(controller.supervisor.program, modes.signals)
     phases = len(setup.table.phases)
     for joint in controller.joints:
         del joint.setpoints[phases:]

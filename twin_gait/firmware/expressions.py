@@ -245,6 +245,11 @@ class Expressions:
         raise self.source.print_error(node, "this function cannot be printed")
 
     def _built_in(self, node: ast.Call, name: str) -> Value:
+        if name in ("max", "min") and len(node.args) > 2:
+            first = ast.copy_location(ast.Call(node.func, node.args[:-1], []), node)
+            return self._built_in(
+                ast.copy_location(ast.Call(node.func, [first, node.args[-1]], []), node), name
+            )
         if len(node.args) != BUILT_IN[name]:
             raise self.source.print_error(node, "this function cannot be printed")
         if name == "len":

@@ -12,8 +12,11 @@ from twin_gait.firmware.source import Source, Sources
 from twin_gait.firmware.values import Value
 
 ELEMENTARY = "twin_gait.core.elementary"
-# Functions on the bits of a number, which real.h contains.
-HANDWRITTEN = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
+# Functions that real.h contains: on the bits of a number, and the square root, which boards do not have.
+HANDWRITTEN = {
+    *((ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")),
+    ("twin_gait.firmware.single_episode", "real_sqrt"),
+}
 
 
 @dataclass(slots=True, eq=False)
@@ -30,11 +33,14 @@ class Function:
     aliases: dict[str, list[Value]] = field(default_factory=dict)
     written: set[str] = field(default_factory=set)  # names of records and lists that are written to
     lengths: set[str] = field(default_factory=set)  # arguments with a relevant length
+    namesakes: int = (
+        0  # functions before it with its name, which Python tells apart by underscores or modules
+    )
 
     @property
     def name(self) -> str:
         """Name in C."""
-        return identifier(self.source.name)
+        return identifier(self.source.name) + (f"_{self.namesakes + 1}" if self.namesakes else "")
 
     @property
     def result(self) -> str:
@@ -92,7 +98,9 @@ class Functions:
             params[name] = SCALARS[hint] if hint in SCALARS else kind
         known = self._found.get(source)
         if known is None:
-            known = self._found[source] = Function(source, params, kind_of_hint(source.hints.get("return")))
+            known = Function(source, params, kind_of_hint(source.hints.get("return")))
+            known.namesakes = sum(identifier(item.name) == known.name for item in self._found)
+            self._found[source] = known
             if (source.module, source.name) not in HANDWRITTEN:
                 self._open.append(source)
                 # Its writes are complete after its last line only, so that it is printed in a second pass.

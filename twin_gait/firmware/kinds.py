@@ -115,6 +115,6 @@ def kind_of_hint(hint: Any) -> Kind:
         return tuple(SCALARS[item] for item in inner)
     if get_origin(hint) in (list, Sequence):
         return ListKind(kind_of_hint(inner[0]), None)
-    if hint in (None, type(None)):
+    if hint in (None, type(None), tuple[float, ...]):  # numbers are counted where they are returned
         return None
     raise TypeError(hint)

@@ -79,9 +79,9 @@ _ATTRIBUTE = re.compile(r"((?: *# .*\n)*) +(\w+): [^#\n]*(?:# (.*))?$", re.MULTI
 def attributes_of(kind: type) -> dict[str, str]:
     """Return the descriptions of the attributes of a class by name, from comments or from its docstring.
 
-    A comment is after an attribute or above it.
+    A comment is after an attribute or above it. A class has the attributes of the class that it extends, too.
     """
-    found: dict[str, str] = {}
+    found = attributes_of(kind.__base__) if kind.__base__ not in (object, None) else {}
     listed = re.findall(r"(\w+): (.*)", docstring_of(kind).partition("Attributes:\n")[2])
     for above, name, behind in _ATTRIBUTE.findall(inspect.getsource(kind)):
         text = " ".join(line.strip(" #") for line in above.splitlines()) or behind

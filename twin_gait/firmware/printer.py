@@ -17,7 +17,7 @@ from twin_gait.firmware.function import ELEMENTARY, Function, Functions
 from twin_gait.firmware.kinds import SCALARS, Shapes
 from twin_gait.firmware.layout import RESERVED_WORDS, comment, identifier, wrapped
 from twin_gait.firmware.records import Records, Tables
-from twin_gait.firmware.source import Sources
+from twin_gait.firmware.source import Rewrite, Sources
 from twin_gait.firmware.statements import Statements, result_struct
 from twin_gait.firmware.values import number
 
@@ -46,6 +46,7 @@ def print_units(
     names: Mapping[str, Any] | None = None,
     text: str = "",
     shapes: Sequence[Any] = (),
+    rewrite: Rewrite | None = None,
 ) -> Program:
     """Print units of firmware.
 
@@ -57,6 +58,7 @@ def print_units(
         text: Source of more functions, which replace globals, too; the functions that they call are looked up
             in ``names``.
         shapes: Samples of records that are passed in from outside: they have no tables, and are complete.
+        rewrite: Returns the tree of a function in constructs that the printer has.
 
     Returns:
         Files by name: ``real.h``, ``types.h``, and a header and a source of each unit.
@@ -65,7 +67,7 @@ def print_units(
         FirmwareError: If a construct cannot be printed; it names function, line and construct.
     """
     samples = [item for unit in units for item in unit.samples.values()]
-    functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]), _read)
+    functions = Functions(sources := Sources(names or {}, text, rewrite), Shapes([*samples, *shapes]), _read)
     entries = {
         unit.name: [functions.entry(sources.source_of(item)) for item in unit.entries] for unit in units
     }

@@ -4,7 +4,7 @@ A field to which no printed function writes is a parameter: the structure has it
 flash. All other fields are part of the structure, and are in RAM.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -69,23 +69,24 @@ class Records:
         """Return the definitions of all structures, each after the structures that it contains."""
         found: dict[type, list[str]] = {}
 
-        def define(kind: kinds.Kind) -> None:
+        def define(kind: kinds.Kind, is_part: bool) -> None:
             entry = kinds.entry_of(kind)
-            if isinstance(entry, type) and entry not in found:
+            if isinstance(entry, type) and not found.get(entry) and (is_part or entry not in found):
                 used = dict(self.used(entry))
                 for inner in used.values():
-                    define(inner)
-                found[entry] = self._structure(entry, used) if used else []
+                    define(inner, True)
+                found[entry] = self._structure(entry, used) if used or is_part else []
 
         for record in self.fields:
-            define(record)
+            define(record, False)
         return [line for lines in found.values() for line in lines]
 
-    def _structure(self, record: type, names: Iterable[str]) -> list[str]:
+    def _structure(self, record: type, names: Collection[str]) -> list[str]:
         descriptions, summary = attributes_of(record), summary_of(record)
         lines = [*comment(summary), "typedef struct {"]
         for name in names:
             lines += [*comment(descriptions.get(name, ""), INDENT), f"    {self.member(record, name)};"]
+        lines += [] if names else ["    char unused;"]  # a structure of C has a member
         return [*lines, f"}} {record.__name__};", ""]
 
     def member(self, record: type, name: str) -> str:
@@ -93,16 +94,17 @@ class Records:
         kind, c_name = self.fields[record][name], identifier(name)
         if isinstance(kind, kinds.Scalar):
             return f"{kind} {c_name}"
-        if isinstance(kind, kinds.ListKind) and isinstance(kind.item, kinds.ListKind):
-            raise FirmwareError(f"{record.__name__}.{name}: lists of lists cannot be printed")
         text = kinds.type_name(kind)
         if self.is_table(record, name):
+            if isinstance(kind, kinds.ListKind) and isinstance(kind.item, kinds.ListKind):
+                raise FirmwareError(f"{record.__name__}.{name}: lists of lists cannot be printed")
             return f"const {text} *{c_name}"
-        if not isinstance(kind, kinds.ListKind):
-            return f"{text} {c_name}"
-        if kind.length is None:
-            raise FirmwareError(f"{record.__name__}.{name}: has different lengths in two samples")
-        return f"{text} {c_name}[{kind.length}]"
+        while isinstance(kind, kinds.ListKind):
+            if kind.length is None:
+                raise FirmwareError(f"{record.__name__}.{name}: has different lengths in two samples")
+            c_name += f"[{kind.length}]"
+            kind = kind.item
+        return f"{text} {c_name}"
 
 
 class Tables:
@@ -124,7 +126,7 @@ class Tables:
             else:
                 text = self._value(value, kind, f"{name}_{field}", f"{record.__name__}.{field}")
             parts.append(f".{identifier(field)} = {text}")
-        return f"{{{', '.join(parts)}}}"
+        return f"{{{', '.join(parts) or '0'}}}"
 
     def add(self, declaration: str, contents: str) -> None:
         """Define a constant."""

@@ -11,10 +11,14 @@ from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
 from types import FunctionType
-from typing import Any, get_type_hints
+from typing import Any, TypeAlias, get_type_hints
 
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.kinds import SCALARS
+
+Rewrite: TypeAlias = Callable[
+    [ast.FunctionDef, Mapping[str, Any]], ast.FunctionDef
+]  # of a tree with its scope
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,9 +44,12 @@ class Source:
 class Sources:
     """All functions by name or by the function itself, each read once."""
 
-    def __init__(self, names: Mapping[str, Any], text: str) -> None:
-        """Store ``names``, which replace globals, and the functions of ``text``, which replace them, too."""
-        self.names, self._text = names, text
+    def __init__(self, names: Mapping[str, Any], text: str, rewrite: Rewrite | None = None) -> None:
+        """Store ``names``, which replace globals, and the functions of ``text``, which replace them, too.
+
+        ``rewrite``: returns the tree of a function in constructs that the printer has.
+        """
+        self.names, self._text, self._rewrite = names, text, rewrite
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
         self._read: dict[Any, Source] = {}
 
@@ -74,6 +81,8 @@ class Sources:
                 text = textwrap.dedent("".join(lines))
                 (tree,) = (item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef))
                 source = Source(name, function.__module__, text, first, tree, function.__globals__, hints)
+            if self._rewrite is not None:
+                tree = self._rewrite(tree, source.scope)
             names = (node for node in ast.walk(tree) if isinstance(node, ast.Name))
             assigned = {node.id for node in names if isinstance(node.ctx, ast.Store)}
             assigned |= {item.arg for item in tree.args.args}
@@ -131,6 +140,9 @@ class _Folding(ast.NodeTransformer):
     def visit_Assign(self, node: ast.Assign) -> Any:
         self.generic_visit(node)
         target, value = node.targets[0], node.value
+        calls = any(isinstance(item, ast.Call) for item in ast.walk(value))
+        if len(node.targets) > 1 and not calls and not any(_touches(item, value) for item in node.targets):
+            return [_at(node, ast.Assign([target], value)) for target in node.targets]
         if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
             return node
         if len(target.elts) != len(value.elts):

@@ -104,6 +104,8 @@ class Statements(Expressions):
                 self._emit(f"{self.statement_value(call).text};")
             case ast.Continue():
                 self._emit("continue;")
+            case ast.Break():
+                self._emit("break;")
             case ast.Expr(value=ast.Constant(value=str(text))):
                 if node is not self.source.tree.body[0]:  # The docstring is printed above the function.
                     self.lines += comment(text, self.depth * INDENT)
@@ -128,6 +130,8 @@ class Statements(Expressions):
             self._assign(target, call, part, fresh)
 
     def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
+        if isinstance(target, ast.Name) and target.id not in self.read and "(" not in value.text:
+            return  # for a build flag that excludes the code that reads it
         if isinstance(target, ast.Name):
             kind = self._declare(target, node, value)
             name = target.id

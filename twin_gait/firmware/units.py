@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from twin_gait.control import device_schedule as device
 from twin_gait.control.gait_controller import (
+    N_JOINTS_PER_LEG,
     WITH_SUPERVISOR,
     ControllerState,
     DeviceSignals,
@@ -34,6 +35,7 @@ from twin_gait.control.joint_board import (
     write_measurement,
 )
 from twin_gait.control.supervisor import NO_REQUEST
+from twin_gait.core.control_tick import copy_setpoint
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.executors import ScheduleNames, scalar_driver
 
@@ -233,6 +235,24 @@ def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: Exos
         copy_command(unit.boards[number].command, outputs.commands[number])
     publish(controller, outputs.decision)
     unit.tick += 1
+
+
+def exoskeleton_update(unit: Exoskeleton, outputs: ExoskeletonOutputs) -> None:
+    """Use changed parameters of the phases from the next tick on, and write the decision.
+
+    The controller reads the parameters of a phase only while it blends, so that they are copied here if the
+    blending is over. Before the first tick, the gait starts with them.
+    """
+    controller, tick = unit.controller, unit.tick
+    for number in range(len(controller.joints)):
+        joint, leg = controller.joints[number], controller.legs[number // N_JOINTS_PER_LEG]
+        if tick == 0 or tick - leg.entry_tick > leg.blend_ticks[leg.phase]:
+            copy_setpoint(joint.setpoints[leg.phase], joint.blended)
+            leg.gravity = leg.gravity_shares[leg.phase]
+        if tick == 0:
+            copy_setpoint(joint.blended, joint.blend_start)
+            leg.gravity_start = leg.gravity
+    publish(controller, outputs.decision)
 
 
 # ------------------------------------------------------------------ parts in the order of the device

@@ -4,7 +4,7 @@
 #define TWIN_GAIT_REAL_H
 
 #include <float.h>
-#include <math.h> /* INFINITY and NAN only: no function of the library is called */
+#include <math.h> /* INFINITY, NAN and the square root only */
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -67,6 +67,16 @@ static inline int32_t int_floor(real x)
         return x < REAL(0.0) ? INT32_MIN : 0;
     }
     return x < REAL(2147483648.0) ? (int32_t)real_floor(x) : INT32_MAX;
+}
+
+/* Return the square root, which IEEE 754 rounds. No unit of a board calls it. */
+static inline real real_sqrt(real x)
+{
+#ifdef REAL_DOUBLE
+    return sqrt(x);
+#else
+    return sqrtf(x);
+#endif
 }
 
 /* Return the first of two numbers, unless the second is larger (smaller). */
