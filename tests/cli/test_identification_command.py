@@ -285,6 +285,7 @@ def test_motor_and_gear_of_twin_are_those_of_its_file(tmp_path):
             assert bench["actuator"][key] == stated[key]
 
 
+@pytest.mark.slow  # a campaign of its own
 def test_friction_of_another_device_is_identified_with_its_drive(tmp_path, capsys):
     """A campaign on the simulated drive of the device, with its friction, gives that friction back."""
     device, logs, out = write_device(tmp_path, ["knee"]), tmp_path / "logs", tmp_path / "out"

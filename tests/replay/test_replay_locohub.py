@@ -99,6 +99,7 @@ def test_the_file_has_the_columns_units_and_facts_of_locohub(run, strides):
     assert not table.isna().any().any()
 
 
+@pytest.mark.slow  # compiles a loop
 def test_a_slope_turns_the_forces_and_names_the_task(tmp_path):
     steep = simulate(load_experiment("treadmill", ["duration_s=6", "scenario.slope_deg=3"]).experiment)
     export_locohub(steep, tmp_path / "up.parquet")

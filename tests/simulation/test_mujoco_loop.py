@@ -24,6 +24,7 @@ SLOW = {
     "treadmill, downhill in a harness, by encoders askew and commands that come late",
     "knee orthosis on one leg",
     "prosthesis that replaces segments of one leg",
+    "overground, a free trunk on crutches",
 }
 CASES = {
     "bench leg, Euler": ("bench_leg", "duration_s=2", EULER, "integration.step_ms=1"),

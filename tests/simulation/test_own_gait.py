@@ -76,6 +76,7 @@ def test_all_engines_give_the_same_log() -> None:
         np.testing.assert_array_equal(log_matrix(run), log_matrix(alone))
 
 
+@pytest.mark.slow  # compiles a loop
 def test_muscles_act_at_once_whatever_the_delay_of_the_decisions() -> None:
     late, prompt = (
         simulate(experiment_of("hip_exoskeleton", "duration_s=0.5", f"own_gait.delay_ms={delay}"))

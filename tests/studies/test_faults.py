@@ -239,6 +239,7 @@ def test_a_trip_before_the_fault_is_not_its_detection(tripped):
     assert (outcomes["held"], outcomes["detected by"], outcomes["longest"]) == (2, "encoder_jump 1", "0 ms")
 
 
+@pytest.mark.slow
 def test_runs_without_a_walk_command_are_counted():
     rising = load_experiment("sit_to_stand", ["duration_s=3"]).experiment
     row = outcome_table(simulate_faults(rising, [parse_fault("supply_dip@1s=2V")])).iloc[0]

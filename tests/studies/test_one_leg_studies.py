@@ -40,6 +40,7 @@ def test_comparison_measures_the_gait_of_both_legs_and_the_effort_of_the_drives(
     assert math.isnan(found["interaction_symmetry"])
 
 
+@pytest.mark.slow  # compiles the loop of the lanes
 def test_faults_are_those_of_the_device(walk: Run) -> None:
     faults = draw_faults(walk.experiment, 5, seed=0)
     table = simulate_faults(walk.experiment, faults[:2])
