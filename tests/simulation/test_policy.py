@@ -11,7 +11,7 @@ from firmware_tools import TARGET_TOOLS, require_tools
 from twin_gait import Run, load_experiment, simulate
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.validation import read_yaml
-from twin_gait.control.controllers.policy import PolicyParameters
+from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware.exoskeleton_unit import record_vectors

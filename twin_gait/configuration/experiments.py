@@ -34,7 +34,7 @@ from twin_gait.configuration.validation import (
     validate,
 )
 from twin_gait.control.controller import Controller
-from twin_gait.control.controllers.policy import PolicyParameters
+from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.control.user_controller import record_controller
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration

@@ -8,8 +8,8 @@ from typing import Annotated
 from twin_gait.control.controller import Controller
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
-from twin_gait.control.controllers.policy import PolicyParameters
 from twin_gait.control.controllers.position import PathParameters
+from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.core.plant import MechanicalStop, Plant, Spring
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.sections import section_of
-from twin_gait.control.controllers.policy import PolicyParameters
+from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.core.network import dense_layer
 from twin_gait.files import write_atomically
 from twin_gait.yaml12 import dump_yaml

@@ -144,14 +144,12 @@ def _policy_inputs(engine: CompiledEngine) -> Iterator[tuple[str, int, ColumnGro
     controller = engine.setup.controller
     if isinstance(controller, Policy):
         names = controller.network.input_names
-        for number, side in enumerate(engine.setup.sides):
-            indices = range(number * len(names), (number + 1) * len(names))
-            places = (f"e.controller.memory.inputs[{index}]" for index in indices)
+        for leg, side in enumerate(engine.setup.sides):
             columns = {
-                f"{name}_policy_input": (place, "input of the policy")
-                for name, place in zip(names, places, strict=True)
+                f"{name}_policy_input": (f"e.controller.memory.inputs[{leg * len(names) + index}]", "input")
+                for index, name in enumerate(names)
             }
-            yield f"{side}_", number, ColumnGroup(columns)
+            yield f"{side}_", leg, ColumnGroup(columns)
 
 
 def _evaluate(expression: str, scope: Mapping[str, Any]) -> _Location | None:
