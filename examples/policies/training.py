@@ -21,8 +21,6 @@ from twin_gait.learn import VectorGaitEnv
 from twin_gait.learn.actions import PolicyAction
 from twin_gait.learn.policy import policy_outputs, write_policy
 
-SPREAD = 0.05  # standard deviation of the perturbed weights
-RATE = 0.02  # step of a weight in the first generation; it falls to a tenth
 DECIMALS = 4  # decimals of the stored weights
 VALIDATION = 1000  # seed of the first wearer of the validation
 WEARERS = {
@@ -48,6 +46,8 @@ class Task:
     seed: int
     pairs: int = 16  # mirrored pairs of perturbed weights in a generation
     validated: int = 10  # generations between two validations
+    spread: float = 0.05  # standard deviation of the perturbed weights
+    rate: float = 0.02  # step of a weight in the first generation; it falls to a tenth
 
 
 TASKS = {
@@ -75,7 +75,7 @@ TASKS = {
         policy={
             "description": "Adapts stiffness and damping from stride to stride: assist as needed.",
             "inputs": (
-                *("hip.error_deg / 10", "knee.error_deg / 10"),
+                *("hip.error_deg / 3", "knee.error_deg / 3"),
                 *("last.hip.stiffness_share / 1", "last.hip.damping_share / 1"),
                 *("last.knee.stiffness_share / 1", "last.knee.damping_share / 1"),
             ),
@@ -87,8 +87,10 @@ TASKS = {
             "per_stride": True,
         },
         rewards={"tracking": 1.0, "device_effort": 1.0, "load_peak": 1.0, "fall": 100.0},
-        duration=12.0,
-        generations=60,
+        duration=10.0,
+        generations=50,
+        spread=0.1,
+        rate=0.05,
         seed=2,
         validated=5,
     ),
@@ -157,13 +159,13 @@ def train(task: Task, name: str) -> tuple[np.ndarray, list[dict[str, float]]]:
                 best, best_score = weights.copy(), score
         directions = generator.normal(size=(pairs, len(weights)))
         seeds = generator.integers(2**31, size=pairs).tolist()
-        both = np.concatenate([weights + SPREAD * directions, weights - SPREAD * directions])
+        both = np.concatenate([weights + task.spread * directions, weights - task.spread * directions])
         found = fitness(envs, policy, both, [*seeds, *seeds])
         gains = found[:pairs] - found[pairs:]
         slope = gains @ directions / (np.std(gains) + 1e-9) / pairs
         mean, square = 0.9 * mean + 0.1 * slope, 0.99 * square + 0.01 * slope**2
         corrected = mean / (1.0 - 0.9 ** (generation + 1)), square / (1.0 - 0.99 ** (generation + 1))
-        rate = RATE * (1.0 - 0.9 * generation / task.generations)
+        rate = task.rate * (1.0 - 0.9 * generation / task.generations)
         weights = weights + rate * corrected[0] / (np.sqrt(corrected[1]) + 1e-8)
     return best, curve
 

@@ -8,9 +8,9 @@ import pytest
 from errors import raises
 from firmware_tools import TARGET_TOOLS, require_tools
 
-from twin_gait import Run, load_experiment, simulate
+from twin_gait import Run, load_experiment, simulate, summarise_run
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.configuration.validation import read_yaml
+from twin_gait.configuration.validation import packaged, read_yaml
 from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
@@ -220,3 +220,30 @@ def test_20_s_of_the_shipped_policies_are_proven_and_fit_a_tick(name: str) -> No
     assert result["passed"] and all(check["passed"] for check in result["checks"])
     found = result["checks"][2]["found"]
     assert found["differing"] == 0 and 0 < found["instructions_worst"] < 12_000
+
+
+# ------------------------------------------------------------------ the shipped policies
+
+
+@pytest.mark.parametrize("name", ["low_effort", "assist_as_needed"])
+def test_the_shipped_policies_are_those_of_the_gallery(name: str) -> None:
+    results = Path(__file__).parents[2] / "examples" / "results" / "train_policies"
+    assert packaged("policies")[name].read_text() == (results / f"{name}.yaml").read_text()
+
+
+def test_low_effort_needs_less_torque_at_the_tracking_of_the_table() -> None:
+    settings = ["duration_s=10", "seed=77", "patient.mass_kg=80"]
+    policy = ["control.mode=policy", "control.policy=low_effort"]
+    runs = [simulate(load_experiment("treadmill", [*settings, *more]).experiment) for more in ([], policy)]
+    sides = [summarise_run(run)["sides"] for run in runs]
+    efforts, errors = (
+        [
+            np.mean([value(side, joint) for side in found.values() for joint in ("hip", "knee")])
+            for found in sides
+        ]
+        for value in (
+            lambda side, joint: side["joints"][joint]["torque_rms_Nm"],
+            lambda side, joint: side[f"rmse_{joint}_by_contact_deg"],
+        )
+    )
+    assert efforts[1] < 0.95 * efforts[0] and errors[1] < errors[0] + 0.3

@@ -43,7 +43,7 @@ class GaitEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         Args:
             render_mode: ``rgb_array`` for pictures from :meth:`render`.
             record: Whether the log of the episode is kept, for :attr:`run`; about 1 MB per second.
-            options: Fields of :class:`EnvironmentOptions`.
+            options: Fields of :class:`~twin_gait.learn.options.EnvironmentOptions`.
 
         Raises:
             ParameterError: If an option is wrong, or the experiment has no wearer who walks on the ground.
@@ -116,7 +116,8 @@ class VectorGaitEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Load the experiment, and compile the loop for blocks if it is not in the code cache.
 
         ``num_envs``: number of environments; multiples of 32 are fastest, fewer than 16 run one by one.
-        ``options``: fields of :class:`EnvironmentOptions`. Raises ParameterError as :class:`GaitEnv` does.
+        ``options``: fields of :class:`~twin_gait.learn.options.EnvironmentOptions`. Raises ParameterError as
+        :class:`GaitEnv` does.
         """
         require(num_envs >= 1, "num_envs", "1 or more", num_envs)
         require(render_mode is None, "render_mode", "None; a single environment draws pictures", render_mode)
