@@ -66,10 +66,10 @@ TASKS = {
             ),
             "hidden_units": 12,
         },
-        rewards={"tracking": 4.0, "device_effort": 2.0, "smoothness": 2.0, "load_peak": 2.0, "fall": 100.0},
+        rewards={"tracking": 3.0, "device_effort": 2.0, "smoothness": 2.0, "load_peak": 1.0, "fall": 100.0},
         duration=8.0,
-        generations=240,
-        seed=1,
+        generations=60,
+        seed=3,
     ),
     "assist_as_needed": Task(
         policy={
