@@ -29,7 +29,7 @@ SECTIONS = {
         "The walk: goals, robustness, ground forces",
         ("default_walk", "ground_forces", "robustness_map", "start_stop", "attainable_floor"),
     ),
-    "controllers": ("Controllers compared", ("controllers", "blending", "powered_ankle")),
+    "controllers": ("Controllers compared", ("controllers", "train_policies", "blending", "powered_ankle")),
     "crutches": ("Crutches and chair", ("overground", "rising")),
     "faults": (
         "Faults, bus and the sampled loop",

@@ -4,15 +4,18 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from errors import raises
 
-from twin_gait.configuration.experiments import load_experiment
+from twin_gait.configuration.experiments import LoadedExperiment, load_experiment
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.learn.actions import ImpedanceAction, PositionAction, TableAction, TorqueAction
+from twin_gait.learn.actions import ImpedanceAction, PolicyAction, PositionAction, TableAction, TorqueAction
+from twin_gait.learn.policy import policy_outputs, write_policy
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import simulate
@@ -308,3 +311,62 @@ def test_a_vector_environment_rejects_values_that_need_another_loop() -> None:
     vector = VectorGaitEnv(32, duration_s=0.3, randomise={"sensors.window": [5, 8]})
     with raises(ParameterError, "randomise", "gymnasium.make"):
         vector.reset(seed=1)
+
+
+# ------------------------------------------------------------------ policies
+
+
+def with_policy(name: str, *settings: str, silent: bool = False) -> LoadedExperiment:
+    """Return a walk with a shipped policy; ``silent``: its weights are zero."""
+    loaded = load_experiment("treadmill", ["control.mode=policy", f"control.policy={name}", *settings])
+    control = loaded.experiment.control
+    if not silent or control.policy is None:
+        return loaded
+    policy = replace(control.policy, weights=(0.0,) * len(control.policy.weights))
+    return replace(loaded, experiment=replace(loaded.experiment, control=replace(control, policy=policy)))
+
+
+@pytest.mark.parametrize("name", ["low_effort", pytest.param("assist_as_needed", marks=pytest.mark.slow)])
+def test_the_actions_of_a_policy_give_the_walk_of_its_control_mode(name: str) -> None:
+    network = with_policy(name).experiment.control.policy
+    env = GaitEnv(
+        experiment=with_policy(name, "duration_s=4", silent=True),
+        action=PolicyAction(), observations={"policy_input": 1.0}, dtype=np.float64, record=True,
+    )  # fmt: skip
+    assert network is not None
+    observation, _ = env.reset(seed=3)
+    over, largest = False, 0.0
+    while not over:
+        action = policy_outputs(network, observation[None])[0]
+        observation, _, terminated, truncated, _ = env.step(action)
+        over, largest = terminated or truncated, max(largest, np.abs(action).max())
+    run = env.run
+    walk = simulate(with_policy(name, "duration_s=4", f"seed={run.experiment.seed}").experiment)
+    assert run.log.equals(walk.log) and len(walk.log) == 4000 and largest > 0.1
+
+
+def test_outputs_of_many_weights_are_those_of_each() -> None:
+    network = with_policy("low_effort").experiment.control.policy
+    assert network is not None
+    generator = np.random.default_rng(0)
+    inputs, weights = generator.normal(size=(3, 24)), generator.normal(size=(3, len(network.weights)))
+    found = policy_outputs(network, inputs, weights)
+    for row, own, expected in zip(inputs, weights, found, strict=True):
+        assert (policy_outputs(network, row[None], own) == expected).all()
+    hidden, final = weights[0, :156].reshape(12, 13), weights[0, 156:].reshape(4, 13)
+    units = hidden[:, 0] + hidden[:, 1:] @ inputs[0, 12:]
+    outputs = final[:, 0] + final[:, 1:] @ (units / (1.0 + abs(units)))
+    assert found[0, 4:] == pytest.approx(outputs / (1.0 + abs(outputs)), rel=1e-12)
+
+
+def test_a_written_policy_is_read_again(tmp_path: Path) -> None:
+    network = with_policy("assist_as_needed").experiment.control.policy
+    assert network is not None
+    write_policy(network, tmp_path / "own.yaml")
+    again = with_policy(str(tmp_path / "own.yaml")).experiment.control.policy
+    assert again == network
+
+
+def test_a_policy_action_needs_a_policy() -> None:
+    with raises(ParameterError, "PolicyAction", "control.mode policy"):
+        GaitEnv(action=PolicyAction())

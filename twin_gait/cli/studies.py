@@ -17,7 +17,7 @@ COMPARE_DURATION = 60.0
 # [s], duration of each run with a fault; the gait starts within 1 s, and a fault shows effects within 2 s.
 FAULT_DURATION = 8.0
 COMPARISONS = Path("compare")
-NAMES = "table, position, assist_as_needed, twincare, transparent, gravity, constant"
+NAMES = "table, position, assist_as_needed, twincare, policy, transparent, gravity, constant"
 
 
 def add_parser(commands: Any) -> None:

@@ -69,13 +69,14 @@ def add_parser(commands: Any) -> None:
 def show_presets(arguments: argparse.Namespace) -> int:
     """List experiments, devices, people, tables; print one.
 
-    List the packaged experiments, devices, patients, own gaits and tables, or print one as a file that can be
-    edited: a preset with every value, a device, a person or a table.
+    List the packaged experiments, devices, patients, own gaits, tables and policies, or print one as a file
+    that can be edited: a preset with every value, a device, a person, a table or a policy.
     """
     from twin_gait.configuration.device_file import list_devices
     from twin_gait.configuration.experiments import list_own_gaits, list_patients, presets
     from twin_gait.configuration.gait_table_file import packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import json_schema
+    from twin_gait.configuration.validation import descriptions, packaged
     from twin_gait.report.pages import lines
     from twin_gait.yaml12 import load_yaml
 
@@ -89,6 +90,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
             "own_gaits": list_own_gaits(),
             "gait_tables": packaged_gait_tables(),
             "modes": packaged_mode_tables(),
+            "policies": descriptions(packaged("policies")),
         }
         answer(arguments, lines("presets.txt", known), known)
     else:
@@ -98,28 +100,18 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str, *, as_table: bool) -> str:
-    from twin_gait.configuration.device_file import list_devices
     from twin_gait.configuration.documents import dump_yaml
-    from twin_gait.configuration.experiments import (
-        list_own_gaits,
-        list_patients,
-        load_experiment,
-        presets,
-    )
-    from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables, packaged_mode_tables
+    from twin_gait.configuration.experiments import load_experiment, presets
+    from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables
     from twin_gait.configuration.schema import comment_for
+    from twin_gait.configuration.validation import packaged
 
     named = name in packaged_gait_tables() and name not in presets()
     if as_table or named:
         return named_file(name).read_text(encoding="utf-8")
-    if name in packaged_mode_tables():
-        return named_file(name, "modes").read_text(encoding="utf-8")
-    if name in list_patients():
-        return named_file(name, "patients").read_text(encoding="utf-8")
-    if name in list_own_gaits():
-        return named_file(name, "own_gaits").read_text(encoding="utf-8")
-    if name in list_devices():
-        return named_file(name, "devices").read_text(encoding="utf-8")
+    for kind in ("modes", "patients", "own_gaits", "devices", "policies"):
+        if name in packaged(kind):
+            return named_file(name, kind).read_text(encoding="utf-8")
     document = load_experiment(name).document
     return f"{comment_for('experiment')}\n{dump_yaml(document)}"
 

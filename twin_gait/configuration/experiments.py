@@ -34,6 +34,7 @@ from twin_gait.configuration.validation import (
     validate,
 )
 from twin_gait.control.controller import Controller
+from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.control.user_controller import record_controller
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration
@@ -272,6 +273,23 @@ def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return {**person, "name": data.get("name") or path.stem}
 
 
+def read_policy(name: str, path: Path, source: str = "") -> dict[str, Any]:
+    """Return the section ``control.policy`` for the name of a shipped policy, or the path of its file.
+
+    ``path``: file that contains the name, to whose folder a relative path refers; the working folder is
+    searched next. ``source``: name of this file in messages. Raises ParameterFileError if there is no such
+    policy, or if it has a mistake.
+    """
+    find = partial(gait_table_file.named_file, name, "policies", path.parent)
+    found = convert_with_context(source or str(path), "control.policy", find)
+    data = read_yaml(found)
+    section = {key: data[key] for key in data if key != "schema_version"}
+    section.setdefault("name", found.stem)
+    checked = validate(section_of(PolicyParameters), section, str(found))
+    convert_with_context(str(found), "", checked.convert)
+    return section
+
+
 def list_own_gaits() -> dict[str, str]:
     """Return the names of the own gaits that ship with the package, with their one-line descriptions."""
     return descriptions(packaged("own_gaits"))
@@ -313,6 +331,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         if keys == ["reference"]:
             data["reference"] = resolve_reference(value, path, where)
             continue
+        if keys == ["control", "policy"] and isinstance(value, str):
+            value = read_policy(value, path, where)
         whole = load_named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
         if whole is None:
             changes.append((keys, value))
@@ -461,6 +481,8 @@ def _resolved(data: dict[str, Any], path: Path, device: Device | None = None) ->
         given["own_gait"] = _resolved_own_gait(given["own_gait"], path)
     if "reference" in given:
         given["reference"] = resolve_reference(given["reference"], path)
+    if isinstance(control := given.get("control"), Mapping) and isinstance(control.get("policy"), str):
+        given["control"] = {**control, "policy": read_policy(control["policy"], path)}
     base: dict[str, Any] = {}
     if (preset := data.get("preset")) is not None:
         below = _preset(preset) if isinstance(preset, str) else None

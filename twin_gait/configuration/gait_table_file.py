@@ -110,6 +110,7 @@ _KINDS = {
     "patients": "person",
     "devices": "device",
     "own_gaits": "own gait",
+    "policies": "policy",
 }
 
 

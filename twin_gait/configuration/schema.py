@@ -35,6 +35,9 @@ def json_schema(kind: str) -> dict[str, Any]:
     schema: dict[str, Any] = _lenient(KINDS[kind]().model_json_schema())
     if kind == "device":
         return {"$schema": DIALECT, **schema, "title": "device of twin_gait"}
+    if kind == "experiment":  # a policy may also be named
+        policy = schema["$defs"]["ControlParameters"]["properties"]["policy"]
+        policy["anyOf"].insert(0, {"type": "string", "minLength": 1})
     guards = {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Guard"}}
     nested = {"type": "object", "properties": {"all": guards, "any": guards}, "maxProperties": 1}
     text = {"type": "string", "pattern": _GUARD}

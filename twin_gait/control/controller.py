@@ -7,6 +7,7 @@ episode.
 """
 
 import inspect
+import math
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,6 +38,30 @@ class ReferencePath:
     starts: list[float]  # Share of the cycle at which each leg begins.
 
 
+@dataclass(slots=True)
+class StrideClock:
+    """Place of a leg in its stride, from the strides that it has finished."""
+
+    stride_ticks: int  # Length of the last stride in ticks; before the first one that of the reference.
+    first_share: float  # Share of the cycle at which the leg began to walk.
+    stride_start: int = 0  # Tick in which the present stride began; 0 before the first one begins.
+
+
+def stride_progress(clock: StrideClock, tick: int) -> float:
+    """Return the place of a leg in its stride, in strides of the length of the last one."""
+    progress = (tick - clock.stride_start) / clock.stride_ticks
+    return progress + clock.first_share if clock.stride_start == 0 else progress
+
+
+def begin_stride(clock: StrideClock, tick: int) -> int:
+    """Begin a stride, and return the number of ticks of the one before."""
+    duration = tick - clock.stride_start
+    if clock.stride_start > 0:  # The first stride may be incomplete.
+        clock.stride_ticks = duration
+    clock.stride_start = tick
+    return duration
+
+
 def find_cycle_interval(progress: float, samples: int) -> tuple[int, float]:
     """Find the two samples of a closed path between which an instant of the gait cycle lies.
 
@@ -44,8 +69,8 @@ def find_cycle_interval(progress: float, samples: int) -> tuple[int, float]:
     effect. ``samples``: number of samples; the last one is the first of the next cycle. Returns the index of
     the sample before the instant, and the weight of the next sample in a linear interpolation, 0 to 1.
     """
-    position = (progress - int(progress)) * (samples - 1)
-    before = min(int(position), samples - 2)
+    position = (progress - math.floor(progress)) * (samples - 1)
+    before = min(int(math.floor(position)), samples - 2)  # noqa: RUF046  # In C floor is not an integer.
     return before, position - before
 
 

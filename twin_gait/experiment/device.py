@@ -9,6 +9,7 @@ from twin_gait.control.controller import Controller
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
 from twin_gait.control.controllers.position import PathParameters
+from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.core.plant import MechanicalStop, Plant, Spring
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
@@ -56,6 +57,7 @@ class ControlParameters(quantities.Parameters):
         mode: Controller that computes the parameters of the joints.
         assistance: Share of the impedance that the legs receive.
         path: Path of the mode ``position``.
+        policy: Network of the mode ``policy``; a file may give the name or the path of a policy.
         friction_model: The compensator's own friction model (thesis, table 3.1).
         inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
             encoder is noisy (thesis 2.4.2).
@@ -71,6 +73,7 @@ class ControlParameters(quantities.Parameters):
     mode: ControlMode = _USUAL
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
+    policy: PolicyParameters | None = None
     friction_model: Annotated[Mapping[JointName, FrictionParameters], quantities.AllEntries()]
     inertia_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     target_torque: Mapping[JointName, quantities.Torque] = field(
@@ -86,6 +89,11 @@ class ControlParameters(quantities.Parameters):
         super().__post_init__()
         whole = abs(self.delay - self.delay_ticks * TICK) < 1e-9
         quantities.require(whole, "delay", DELAYS.expected, self.delay)
+        for output in () if self.policy is None else self.policy.outputs:
+            limit = self.limits.get(output.joint)
+            if output.quantity == "torque_Nm" and limit is not None and output.bound > limit.torque:
+                expected = f"a bound of {output.name} up to the torque limit, {limit.torque:g} N·m"
+                raise ParameterError(f"policy.outputs: expected {expected}, got {output.bound:g}")
 
     def controller(self, user_controller: Controller | None = None) -> Controller:
         """Create the controller of the mode, or use one of the user's own, with its assistance.

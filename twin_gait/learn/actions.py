@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from twin_gait.control.controllers.policy import Policy
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
 from twin_gait.learn.signals import RecordMap, Signals, word_of, words_of
@@ -273,6 +274,36 @@ class _TableChanges(BoundAction):
             values = self.base[leg] + self.largest[:, None] * self.taken[leg]
             for word, own_phase, value in zip(self.words[leg], self.phases, values, strict=True):
                 numbers[word] = np.where(phase == own_phase, numbers[word], value)
+
+
+@dataclass(frozen=True)
+class PolicyAction(Action):
+    """Outputs of the policy of the experiment, in place of those of its network.
+
+    With the outputs of the network, which :func:`twin_gait.learn.policy.policy_outputs` computes from the
+    inputs (the signals ``policy_input``), an episode is that of ``control.mode: policy``, bit for bit.
+    """
+
+    def bind(self, setup: SimulationSetup, places: RecordMap, count: int) -> BoundAction:
+        """Return the action of ``count`` records."""
+        controller = setup.controller
+        if not isinstance(controller, Policy):
+            raise ParameterError("PolicyAction: expected an experiment with control.mode policy")
+        outputs = controller.network.output_names
+        names = tuple(f"{side}_{name}" for side in setup.sides for name in outputs)
+        return _PolicyOutputs(names, words_of(places.root.controller.memory.outputs)[:, 0])
+
+
+@dataclass
+class _PolicyOutputs(BoundAction):
+    names: tuple[str, ...]
+    words: np.ndarray
+
+    def reset(self, numbers: np.ndarray, lane: int) -> None:
+        """Nothing to store."""
+
+    def apply(self, signals: Signals, numbers: np.ndarray, action: np.ndarray) -> None:
+        numbers[self.words] = action.T
 
 
 def _column(where: str, name: str) -> tuple[int, float]:

@@ -54,10 +54,13 @@ class Records:
 
     words: np.ndarray
 
-    def __init__(self, engines: Sequence[CompiledEngine], step: int) -> None:
-        """Run the first control step of each episode; ``step``: its length in ticks."""
+    def __init__(self, engines: Sequence[CompiledEngine], step: int, places: RecordMap | None = None) -> None:
+        """Run the first control step of each episode.
+
+        ``step``: its length in ticks. ``places``: map of earlier records, which is used if it fits.
+        """
         self.engines, self.step = list(engines), step
-        self.places = RecordMap(engines[0])
+        self.places = places if places is not None and places.fits(engines[0]) else RecordMap(engines[0])
         self._dtype = engines[0].store.dtype
         self._status = self.places.index("status")[0]
         self._recording = word_of(self.places.root.recording.on)
@@ -89,11 +92,18 @@ class Records:
 class SingleRecords(Records):
     """Records that advance one after the other."""
 
-    def __init__(self, engines: Sequence[CompiledEngine], step: int, *, record: bool = False) -> None:
+    def __init__(
+        self,
+        engines: Sequence[CompiledEngine],
+        step: int,
+        places: RecordMap | None = None,
+        *,
+        record: bool = False,
+    ) -> None:
         """Run the first control step; ``record``: whether the log is kept, for :meth:`run`."""
         self._rows: dict[int, np.ndarray] = {}
         self._record = record
-        super().__init__(engines, step)
+        super().__init__(engines, step, places)
         self._memory = np.array([engine.store.view(np.int64) for engine in engines])
         self.words = self._memory.T
 
@@ -133,7 +143,7 @@ class BlockRecords(Records):
     An episode that begins later than the block has its own count of ticks: ``first_tick`` of its record.
     """
 
-    def __init__(self, engines: Sequence[CompiledEngine], step: int) -> None:
+    def __init__(self, engines: Sequence[CompiledEngine], step: int, places: RecordMap | None = None) -> None:
         """Compile or load the loop, and interleave the records; at most ``WIDTH`` episodes."""
         self._kind = _kind_of(engines[0])
         decimation = engines[0].setup.experiment.sensors.decimation
@@ -142,7 +152,7 @@ class BlockRecords(Records):
         for engine in engines[1:]:
             self._require_kind(engine)
         self._loop = lane_loop(engines[0])
-        super().__init__(engines, step)
+        super().__init__(engines, step, places)
         self._first_tick = word_of(self.places.root.first_tick)
         self._block = interleave([engine.store for engine in engines])
         self.words = self._block[:, : len(engines)]
@@ -182,11 +192,13 @@ class BlockRecords(Records):
         self._tick = end
 
 
-def make_records(engines: Sequence[CompiledEngine], step: int, *, record: bool = False) -> Records:
+def make_records(
+    engines: Sequence[CompiledEngine], step: int, places: RecordMap | None = None, *, record: bool = False
+) -> Records:
     """Return the records of episodes: in a block if they are enough for one, otherwise one by one."""
     if record or len(engines) < MIN_BLOCK_SIZE:
-        return SingleRecords(engines, step, record=record)
-    return BlockRecords(engines, step)
+        return SingleRecords(engines, step, places, record=record)
+    return BlockRecords(engines, step, places)
 
 
 def _kind_of(engine: CompiledEngine) -> Any:

@@ -4,11 +4,12 @@ The expressions of the log (:mod:`twin_gait.simulation.log`) say where a record 
 environment reads the values without writing a log.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from twin_gait.control.controllers.policy import Policy
 from twin_gait.exceptions import ParameterError
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import ColumnGroup
@@ -91,12 +92,13 @@ class RecordMap:
     def __init__(self, engine: CompiledEngine) -> None:
         """Find all signals of an engine."""
         self._words = engine.store.view(np.int64)
+        self._pattern = engine.store.dtype, engine.layout.names
         self.root: Any = _Location(self._words, engine.store.dtype, 0, ())
         flags = dict(engine.build_flags)
         self._places: dict[str, tuple[int, bool]] = {}
         self._matching: dict[str, list[str]] = {}
         legs = ((f"{side}_", number, LEG) for number, side in enumerate(engine.setup.sides))
-        groups = [*engine.layout.groups, *legs, ("", 0, EPISODE)]
+        groups = [*engine.layout.groups, *legs, *_policy_inputs(engine), ("", 0, EPISODE)]
         for prefix, number, group in groups:
             scope = {**flags, "e": self.root, "n": number}
             exec(group.preamble, scope)  # expressions of this package, no text of a user
@@ -105,6 +107,10 @@ class RecordMap:
                 if place is not None and not f"_{prefix}{name}".endswith(LOGGED_ONLY):
                     self._places[prefix + name] = word_of(place), place._dtype.kind == "i"
         self.names = tuple(self._places)
+
+    def fits(self, engine: CompiledEngine) -> bool:
+        """Return whether the records of an engine have the same pattern, of the same joints."""
+        return self._pattern == (engine.store.dtype, engine.layout.names)
 
     def index(self, name: str) -> tuple[int, bool]:
         """Return the index of the word of a signal, and whether it is an integer.
@@ -131,6 +137,19 @@ class RecordMap:
                 self.index(name)
             self._matching[name] = found
         return self._matching[name]
+
+
+def _policy_inputs(engine: CompiledEngine) -> Iterator[tuple[str, int, ColumnGroup]]:
+    """Yield the inputs of a policy by leg, as signals whose names end with ``policy_input``."""
+    controller = engine.setup.controller
+    if isinstance(controller, Policy):
+        names = controller.network.input_names
+        for leg, side in enumerate(engine.setup.sides):
+            columns = {
+                f"{name}_policy_input": (f"e.controller.memory.inputs[{leg * len(names) + index}]", "input")
+                for index, name in enumerate(names)
+            }
+            yield f"{side}_", leg, ColumnGroup(columns)
 
 
 def _evaluate(expression: str, scope: Mapping[str, Any]) -> _Location | None:

@@ -22,6 +22,7 @@ from twin_gait.configuration.experiments import (
     LoadedExperiment,
     experiment_from_mapping,
     load_named_document,
+    read_policy,
     replace_device,
     sections_of_person,
 )
@@ -226,6 +227,8 @@ def apply_override(
         if (file := named_file(key, plain)) is not None:
             path = known.get(FILES, {}).get(file.given, file.given)
             plain = path if isinstance(plain, str) else {**plain, FILE_KEYS[file.section]: path}
+        if key == "control.policy" and isinstance(plain, str):
+            plain = read_policy(plain, Path(source))
         document = _assigned(document, key, plain, source)
     return experiment_from_mapping(document, source, Path(), base)
 

@@ -5,7 +5,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from twin_gait.control.controller import Controller, Plan, ReferencePath, TickFunction, find_cycle_interval
+from twin_gait.control.controller import (
+    Controller,
+    Plan,
+    ReferencePath,
+    StrideClock,
+    TickFunction,
+    begin_stride,
+    find_cycle_interval,
+    stride_progress,
+)
 from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, ControllerState
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
 from twin_gait.vocabulary import JointName
@@ -68,20 +77,12 @@ class AssistedJoint:
 
 
 @dataclass(slots=True)
-class AssistedLeg:
-    """State of the stride of an assisted leg."""
-
-    stride_ticks: int  # Length of the last stride in ticks.
-    stride_start: int = 0  # Tick in which the present stride began.
-
-
-@dataclass(slots=True)
 class AssistanceMemory:
     """State of the assistance."""
 
     other: object  # Memory of the controller whose impedance is scaled.
     assisted: list[AssistedJoint]  # Joints, leg by leg: left hip, left knee, right hip, …
-    strides: list[AssistedLeg]  # Strides of the legs; empty if the shares are fixed.
+    strides: list[StrideClock]  # Strides of the legs; empty if the shares are fixed.
     path: ReferencePath  # Reference of the tracking error; empty if the shares are fixed.
     settings: AssistanceParameters
 
@@ -131,7 +132,7 @@ class Assistance(Controller):
         path = self.reference_path(plan) if settings.adaptive else ReferencePath([], 0, [])
         shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
         assisted = [AssistedJoint(share) for share in shares]
-        strides = [AssistedLeg(path.cycle_ticks) for _ in path.starts]
+        strides = [StrideClock(path.cycle_ticks, start) for start in path.starts]
         return AssistanceMemory(self.other.initial_memory(plan), assisted, strides, path, settings)
 
     def build_flags(self) -> dict[str, int]:
@@ -151,11 +152,8 @@ class Assistance(Controller):
 
 def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, tick: int) -> None:
     """Add the tracking errors of this tick to those of a leg's stride."""
-    stride, angles = memory.strides[number], memory.path.angles
-    progress = (tick - stride.stride_start) / stride.stride_ticks
-    if stride.stride_start == 0:
-        progress += memory.path.starts[number]
-    before, share = find_cycle_interval(progress, len(angles))
+    angles = memory.path.angles
+    before, share = find_cycle_interval(stride_progress(memory.strides[number], tick), len(angles))
     for position in range(N_JOINTS_PER_LEG):
         index = number * N_JOINTS_PER_LEG + position
         start = angles[before][position]
@@ -165,12 +163,8 @@ def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, 
 
 def _end_stride(memory: AssistanceMemory, number: int, tick: int) -> None:
     """Adapt the shares of one leg to the errors of its last stride."""
-    stride = memory.strides[number]
-    duration = tick - stride.stride_start
+    duration = begin_stride(memory.strides[number], tick)
     for index in range(number * N_JOINTS_PER_LEG, (number + 1) * N_JOINTS_PER_LEG):
         joint = memory.assisted[index]
         joint.share = adapted_assistance(memory.settings, joint.share, joint.tracking / duration)
         joint.tracking = 0.0
-    if stride.stride_start > 0:  # The first stride may be incomplete.
-        stride.stride_ticks = duration
-    stride.stride_start = tick

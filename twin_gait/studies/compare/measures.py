@@ -116,7 +116,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     control = run.experiment.control
     if control.mode in ("transparent", "gravity"):
         return 0.0
-    if control.mode != "impedance":
+    if control.mode not in ("impedance", "policy"):
         return control.assistance.share.get(joint, 1.0)
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
     codes = run.leg_record(side).phases
