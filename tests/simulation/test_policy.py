@@ -55,6 +55,16 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return simulate(experiment_with(tmp_path_factory.mktemp("policy"), "duration_s=2.5"))
 
 
+def test_the_reference_engine_agrees_with_the_compiled_one(tmp_path: Path) -> None:
+    same = "duration_s=0.3", "integration={method: rk4, step_ms: 0.25}"
+    logs = [
+        simulate(experiment_with(tmp_path, *same, f"engine={engine}")).log.select_dtypes("number")
+        for engine in ("compiled", "pinocchio")
+    ]
+    assert list(logs[0]) == list(logs[1]) and np.ptp(logs[0]["left_hip_target_torque_Nm"]) > 1.0
+    np.testing.assert_allclose(logs[0].to_numpy(), logs[1].to_numpy(), rtol=0.0, atol=1e-9)
+
+
 def softsign(values: np.ndarray) -> np.ndarray:
     return values / (1.0 + np.abs(values))
 
