@@ -57,9 +57,9 @@ class EpisodeGroup:
         self.action = self.options.action.bind(self._setup, self.records.places, len(engines))
         setup, count = engines[0].setup, len(engines)
         self._sides = [str(side) for side in setup.sides]
-        self._joints = [(index, f"{item.side}_{item.joint}") for index, item in enumerate(setup.joints)]
-        self._per_leg = setup.joints_per_leg
-        self._paths = np.zeros((count, PATH_SAMPLES, self._per_leg))
+        names, per_leg = [f"{item.side}_{item.joint}" for item in setup.joints], setup.joints_per_leg
+        self._joints = [names[first : first + per_leg] for first in range(0, len(names), per_leg)]  # by leg
+        self._paths = np.zeros((count, PATH_SAMPLES, per_leg))
         self._cycles = np.zeros(count)
         self._starts = np.zeros((len(self._sides), count))  # Tick in which the stride of each leg began.
         self._lasts = np.array([item.setup.experiment.n_ticks for item in engines])
@@ -100,11 +100,11 @@ class EpisodeGroup:
             signals.derived[f"{side}_stride_progress"] = np.minimum(progress, MOST_PROGRESS)
             position = (progress - np.floor(progress)) * (PATH_SAMPLES - 1)
             before = np.minimum(position.astype(int), PATH_SAMPLES - 2)
-            share = position - before
-            for index, name in self._joints[leg * self._per_leg : (leg + 1) * self._per_leg]:
-                column = index % self._per_leg
-                low, high = self._paths[lanes, before, column], self._paths[lanes, before + 1, column]
-                signals.derived[f"{name}_reference_rad"] = low + share * (high - low)
+            share = (position - before)[:, None]
+            low, high = self._paths[lanes, before], self._paths[lanes, before + 1]
+            angles = (low + share * (high - low)).T
+            for name, angle in zip(self._joints[leg], angles, strict=True):
+                signals.derived[f"{name}_reference_rad"] = angle
 
     def _observe(self) -> np.ndarray:
         """Return the observations, shape ``(n, size)``."""

@@ -173,9 +173,8 @@ class BlockRecords(Records):
     def advance(self, lanes: np.ndarray) -> None:
         """Run a control step of the episodes in some lanes, or less for those that end in it."""
         block, end, running = self._block, self._tick + self.step, lanes
-        kept = {
-            lane: block[:, lane].copy() for lane in np.setdiff1d(np.arange(len(self.engines)), lanes).tolist()
-        }
+        waiting = set(range(len(self.engines))).difference(lanes.tolist())
+        kept = {lane: block[:, lane].copy() for lane in waiting}
         tick = self._tick
         while tick < end and len(running):
             if len(running) < WIDTH:  # other lanes repeat a running one

@@ -21,8 +21,11 @@ TRACKING_WIDTH = np.radians(10.0)  # [rad], error at which the term for tracking
 HEALTHY_LOAD = float(normative_ground_force(PERCENT, speed=WINTER_SLOW_SPEED).vertical.max())
 
 
-def total(values: Sequence[np.ndarray]) -> np.ndarray:
-    """Add values in their order, so that the result does not depend on the number of episodes."""
+def total(values: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Add values in their order, so that the result does not depend on the number of episodes.
+
+    ``values``: arrays of shape ``(n,)``, or the rows of an array. Returns shape ``(n,)``.
+    """
     return np.asarray(reduce(operator.add, values))
 
 
@@ -33,24 +36,22 @@ def tracking(signals: Signals) -> np.ndarray:
     place in its cycle is the time since the leg entered the first phase of the table.
     """
     names = signals.names("measured_angle_rad")
-    terms = []
-    for name in names:
-        ratio = (signals[name] - signals[name.replace("measured_angle", "reference")]) / TRACKING_WIDTH
-        terms.append(1.0 / (1.0 + ratio * ratio))
-    return total(terms) / len(names)
+    references = signals.stack([name.replace("measured_angle", "reference") for name in names])
+    ratios = (signals.stack(names) - references) / TRACKING_WIDTH
+    return total(1.0 / (1.0 + ratios * ratios)) / len(names)
 
 
 def device_effort(signals: Signals) -> np.ndarray:
     """Return minus the mean over the joints of the squared motor torque as a share of its limit."""
-    shares = [signals[name] / signals[_limit(name)] for name in signals.names("motor_torque_Nm")]
-    return -total([share * share for share in shares]) / len(shares)
+    names = signals.names("motor_torque_Nm")
+    shares = signals.stack(names) / _limits(signals, names)
+    return -total(shares * shares) / len(names)
 
 
 def wearer_effort(signals: Signals) -> np.ndarray:
     """Return minus the sum of the squared voluntary torques of the wearer per body mass in [(N·m/kg)²]."""
-    mass = signals["wearer_mass_kg"]
-    torques = [torque / mass for torque in signals.each("voluntary_torque_Nm")]
-    return -total([torque * torque for torque in torques])
+    torques = signals.each("voluntary_torque_Nm") / signals["wearer_mass_kg"]
+    return -total(torques * torques)
 
 
 def power(signals: Signals) -> np.ndarray:
@@ -63,22 +64,22 @@ def load_peak(signals: Signals) -> np.ndarray:
 
     The load is the one that the gait controller receives, as a share of the carried weight.
     """
-    share = signals["carried_share"]
-    beyond = [np.maximum(load / share - HEALTHY_LOAD, 0.0) for load in signals.each("foot_load")]
-    return -total([excess * excess for excess in beyond])
+    excess = np.maximum(signals.each("foot_load") / signals["carried_share"] - HEALTHY_LOAD, 0.0)
+    return -total(excess * excess)
 
 
 def saturation(signals: Signals) -> np.ndarray:
     """Return minus the share of the joints whose command exceeds the torque limit."""
     names = signals.names("motor_command_torque_Nm")
-    return -total([1.0 * (np.abs(signals[name]) > signals[_limit(name)]) for name in names]) / len(names)
+    beyond = np.abs(signals.stack(names)) > _limits(signals, names)
+    return -total(1.0 * beyond) / len(names)
 
 
 def smoothness(signals: Signals) -> np.ndarray:
     """Return minus the mean squared change of the command in a control step as a share of the limit."""
     names = signals.names("motor_command_torque_Nm")
-    shares = [signals.change(name) / signals[_limit(name)] for name in names]
-    return -total([share * share for share in shares]) / len(names)
+    shares = np.array([signals.change(name) for name in names]) / _limits(signals, names)
+    return -total(shares * shares) / len(names)
 
 
 def fall(signals: Signals) -> np.ndarray:
@@ -91,10 +92,10 @@ def alive(signals: Signals) -> np.ndarray:
     return 1.0 + fall(signals)
 
 
-def _limit(name: str) -> str:
-    """Return the name of the torque limit of the joint of a signal."""
-    side, joint, *_ = name.split("_")
-    return f"{side}_{joint}_torque_limit_Nm"
+def _limits(signals: Signals, names: Sequence[str]) -> np.ndarray:
+    """Return the torque limits of the joints of some signals in [N·m], shape ``(m, n)``."""
+    joints = [name.split("_")[:2] for name in names]
+    return signals.stack([f"{side}_{joint}_torque_limit_Nm" for side, joint in joints])
 
 
 REWARDS: dict[str, RewardTerm] = {

@@ -4,7 +4,7 @@ The expressions of the log (:mod:`twin_gait.simulation.log`) say where a record 
 environment reads the values without writing a log.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -180,6 +180,8 @@ class Signals:
         self.derived: dict[str, np.ndarray] = {}
         self._previous: dict[str, np.ndarray] = {}
         self._found: dict[str, np.ndarray] = {}
+        self._stacked: dict[tuple[str, ...], np.ndarray] = {}
+        self._words: dict[tuple[str, ...], np.ndarray | None] = {}  # Words of stacks that are read at once.
         self._names: dict[str, list[str]] = {}
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -193,9 +195,27 @@ class Signals:
             self._found[name] = found
         return found
 
-    def each(self, name: str) -> list[np.ndarray]:
-        """Return the values of a signal of every leg or joint, in the order of the log."""
-        return [self[item] for item in self.names(name)]
+    def each(self, name: str) -> np.ndarray:
+        """Return the values of a signal of every leg or joint, in the order of the log, shape ``(m, n)``."""
+        return self.stack(self.names(name))
+
+    def stack(self, names: Sequence[str]) -> np.ndarray:
+        """Return the values of some signals, shape ``(m, n)``."""
+        key = tuple(names)
+        found = self._stacked.get(key)
+        if found is None:
+            found = self._gather(key)
+            self._stacked[key] = found
+        return found
+
+    def _gather(self, names: tuple[str, ...]) -> np.ndarray:
+        """Read some signals at once if none is derived or an integer, otherwise one by one."""
+        if names not in self._words:
+            places = [(0, True) if name in self.derived else self.places.index(name) for name in names]
+            plain = not any(integer for _, integer in places)
+            self._words[names] = np.array([word for word, _ in places]) if plain else None
+        words = self._words[names]
+        return np.array([self[name] for name in names]) if words is None else self._numbers[words]
 
     def names(self, name: str) -> list[str]:
         """Return the full names of the signals that end with a name; ParameterError if there is none."""
@@ -217,6 +237,7 @@ class Signals:
     def refresh(self) -> None:
         """Discard the values that have been read, because the records have changed."""
         self._found.clear()
+        self._stacked.clear()
 
 
 ObservationTerm = Callable[[Signals], np.ndarray]
