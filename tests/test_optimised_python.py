@@ -34,6 +34,7 @@ def test_a_walk_runs_without_docstrings(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "summary.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [("check", "treadmill"), ("--help",)])
 def test_the_program_prints_the_same_without_docstrings(arguments: tuple[str, ...]) -> None:
     usual, optimised = (run(*arguments, optimised=item) for item in (False, True))

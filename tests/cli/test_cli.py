@@ -138,7 +138,7 @@ def test_export_without_a_format_uses_the_file_extension(
     assert first.startswith("time_s,") == (path.suffix in (".csv", ".txt"))
 
 
-@pytest.mark.parametrize("subject", ["a run", "a URDF"])
+@pytest.mark.parametrize("subject", ["a run", pytest.param("a URDF", marks=pytest.mark.slow)])
 def test_view_shows_until_ctrl_c(subject, bench_run):
     target = str(bench_run) if subject == "a run" else "twin.urdf"
     command = [sys.executable, "-m", "twin_gait", "view", target]

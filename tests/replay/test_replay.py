@@ -166,7 +166,7 @@ def test_a_run_whose_legs_were_held_is_replayed_up_to_the_trip(tmp_path):
     ("preset", "settings", "trips"),
     [
         ("treadmill_start_stop", ["duration_s=12", "scenario.belt.stop_s=7"], False),
-        ("sit_to_stand", ["duration_s=10"], False),
+        pytest.param("sit_to_stand", ["duration_s=10"], False, marks=pytest.mark.slow),
         pytest.param("sit_to_stand", ["faults=[encoder_missing:left_knee@8s]"], True, marks=pytest.mark.slow),
     ],
 )

@@ -157,6 +157,7 @@ def test_a_shipped_controller_is_identified_by_its_mode(tmp_path: Path) -> None:
 # ------------------------------------------------------------------ without the module
 
 
+@pytest.mark.slow  # another process compiles the controller again
 def test_a_finished_run_is_read_without_the_module(own: Own, tmp_path: Path) -> None:
     run = own.run(0.35)
     folder = save_run(run, tmp_path / "walk", pictures=False)

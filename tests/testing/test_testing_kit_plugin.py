@@ -86,6 +86,7 @@ def test_without_a_compiler_one_line_names_the_package_to_install(folder: Path) 
     assert line == "ERROR: --gait-table walk.yaml: gcc is not installed: apt-get install gcc libc6-dev"
 
 
+@pytest.mark.slow
 def test_two_tables_and_a_selection(folder: Path) -> None:
     shutil.copy(named_file("bench_leg"), folder / "bench.yaml")
     done = run(
@@ -96,6 +97,7 @@ def test_two_tables_and_a_selection(folder: Path) -> None:
     assert passed == ["bench.yaml", "walk.yaml"]
 
 
+@pytest.mark.slow  # seven runs of pytest
 def test_approved_text_is_written_compared_and_its_difference_shown(folder: Path) -> None:
     options = ["--gait-table", "walk.yaml", "--approved", "approved/walk.md", "-q", "-k", "approved"]
     missing = run(folder, *options)
