@@ -1,8 +1,8 @@
 """Configuration of the site: ``python -m sphinx -W docs docs/_build/html``.
 
 By default no script of the gallery and no cell of a tutorial runs: their pages have the code and the stored
-figures. With ``TWIN_GAIT_SITE=run`` they run, with ``TWIN_GAIT_SITE=tutorials`` only the cells;
-``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains ``first_gait``.
+figures. With ``TWIN_GAIT_SITE=run`` they run, with ``TWIN_GAIT_SITE=tutorials`` only the cells of tutorials that
+take less than half a minute; ``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains ``first_gait``.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from jupyter_cache.executors import utils as notebooks
 import twin_gait
 
 RUN = os.environ.get("TWIN_GAIT_SITE", "")  # empty, "run", "tutorials", or a part of a name
+LONG_TUTORIALS = {"compare", "controller", "device", "hardware", "sit_stand_walk", "train_a_controller"}
 GENERATED = DOCS / "_build" / "gallery_source"
 ALL_THAT_RUN = rf"/(?!({'|'.join(sorted(gallery_pages.NOT_RUN))})\.py)[^/]*$"
 
@@ -76,11 +77,12 @@ nb_execution_cache_path = str(DOCS / "_build" / "tutorials")
 nb_execution_timeout = 600
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
-nb_execution_excludepatterns = (
-    []
-    if RUN in ("", "run", "tutorials")
-    else [str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md") if RUN not in path.stem]
-)
+nb_execution_excludepatterns = [
+    str(path.relative_to(DOCS))
+    for path in DOCS.rglob("*.md")
+    if path.stem in (LONG_TUTORIALS if RUN == "tutorials" else ())
+    or (RUN not in ("", "run", "tutorials") and RUN not in path.stem)
+]
 nb_merge_streams = True
 
 # Docstrings
