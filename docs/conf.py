@@ -1,8 +1,8 @@
 """Configuration of the site: ``python -m sphinx -W docs docs/_build/html``.
 
 By default no script of the gallery and no cell of a tutorial runs: their pages have the code and the stored
-figures. With ``TWIN_GAIT_SITE=run`` they run, with ``TWIN_GAIT_SITE=tutorials`` only the cells of tutorials that
-take less than half a minute; ``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains ``first_gait``.
+figures. With ``TWIN_GAIT_SITE=run`` they run, with ``TWIN_GAIT_SITE=tutorials`` only the cells of short
+tutorials; ``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains ``first_gait``.
 """
 
 from __future__ import annotations
