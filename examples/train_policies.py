@@ -1,10 +1,10 @@
-"""Two trained policies: less motor torque at the tracking of the table, and assistance as needed.
+"""Two trained policies: less motor torque at nearly the tracking of the table, and assistance as needed.
 
 A policy is a small network that changes the setpoints of the gait table. The first one lowers the torques of
 the motors while the legs follow healthy walking as before; it acts every 10 ms. The second one adapts
-stiffness and damping of a leg from stride to stride. An evolution strategy trains them on random wearers, ten
+stiffness and damping of a leg from stride to stride. An evolution strategy trains them on random wearers, two
 minutes of processor time for each. Then they walk with wearers and pushes that the training did not contain,
-beside the table and other controllers, and their C is verified. Page: docs/reference/learning.md.
+as do the table and other controllers, and their C is verified. Page: docs/reference/learning.md.
 """
 
 # %%

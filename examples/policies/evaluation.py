@@ -1,4 +1,4 @@
-"""Test of policies on wearers and pushes that their training did not contain, beside other controllers."""
+"""Test of policies and other controllers on wearers and pushes that the training did not contain."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class Task:
 TASKS = {
     "low_effort": Task(
         policy={
-            "description": "Lowers the torques of the motors at the tracking of the table, every 10 ms.",
+            "description": "Lowers the motor torques at nearly the tracking of the table, every 10 ms.",
             "inputs": (
                 *("hip.angle_deg / 30", "hip.velocity_deg_per_s / 150"),
                 *("knee.angle_deg / 30", "knee.velocity_deg_per_s / 150"),

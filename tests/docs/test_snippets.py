@@ -133,6 +133,7 @@ def lines_here(block: str) -> list[str]:
 def commands() -> list[pytest.param]:
     """Return the blocks of commands that can run here; long ones are slow tests."""
     found = [item for item in blocks("sh") if lines_here(item.values[0])]
+    assert {item.id for item in found} >= LONG
     return [
         pytest.param(*item.values, id=item.id, marks=[pytest.mark.slow] * (item.id in LONG)) for item in found
     ]

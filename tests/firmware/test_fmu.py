@@ -199,6 +199,27 @@ def test_an_output_cannot_be_set(instances):
         instances[0]["left_hip.torque"] = 1.0
 
 
+@pytest.mark.parametrize("phase", [-1, 5, 2**31 - 1])
+def test_a_phase_that_the_table_does_not_have_is_rejected(instances, phase, capfd):
+    plant = instances[1]
+    with pytest.raises(Exception, match="fmi2SetInteger"):
+        plant["left_leg.phase"] = phase
+    assert "limits" in "".join(capfd.readouterr())
+    found = {item.name: item for item in plant.variables.values()}["left_leg.phase"]
+    assert (int(found.min), int(found.max)) == (0, 4)
+
+
+def test_the_status_has_the_codes_of_the_simulation(fmus):
+    found = {item.name: item for item in read_model_description(str(fmus[1])).modelVariables}
+    assert "0 walking, 1 fell, 2 diverged, 3 tipped, 4 lost a crutch" in found["status"].description
+
+
+def test_the_command_does_not_verify_units(tmp_path, capsys):
+    words = ["firmware", "treadmill", "--target", "fmu", "--verify", "--out", str(tmp_path / "fmus")]
+    assert main(words) == 2
+    assert "--verify" in capsys.readouterr().err and not (tmp_path / "fmus").exists()
+
+
 def test_units_and_descriptions(fmus):
     found = {item.name: item for item in read_model_description(str(fmus[0])).modelVariables}
     stiffness = found["left_knee.late_stance.stiffness"]

@@ -56,7 +56,7 @@ class Controller:
 
 
 def written(folder: Path, preset: str) -> tuple[Project, ModuleType]:
-    """Return a project, and its loader in Python with the library beside it."""
+    """Return a project, and its loader in Python, next to the library."""
     require_tools("gcc")
     project = print_project(load_experiment(preset).experiment)
     project.write_sources(folder)
@@ -160,6 +160,20 @@ def test_a_loop_that_stalls_longer_than_the_timeout_of_a_board_trips(leg) -> Non
     assert controller.outputs.left_knee_held and controller.outputs.left_ankle_held
 
 
+def test_no_time_leaves_the_outputs_and_a_negative_time_trips(leg) -> None:
+    project, module = leg
+    rows, controller = motion(project), module.load_controller(Controller)
+    give(controller, project, rows[0])
+    before = numbers(controller.run())
+    give(controller, project, rows[300], ticks=0)
+    assert numbers(controller.run()) == before
+    give(controller, project, rows[1])
+    after = numbers(controller.run())
+    assert after != before and after["trip_cause"] == NO_TRIP  # row 300 has left no trace
+    give(controller, project, rows[2], ticks=-1)
+    assert controller.run().trip_cause == MISSING_TRIP
+
+
 def test_the_actuators_of_the_library_are_read_and_commanded_in_their_units(leg) -> None:
     _, module = leg
     controller, commanded = module.load_controller(Controller), {}
@@ -206,5 +220,6 @@ def test_the_command_writes_the_library_or_says_that_gcc_is_missing(tmp_path, ca
     assert "make -C osl" in capsys.readouterr().out
     names = {path.name for path in (tmp_path / "other" / "osl").iterdir()}
     assert names == {"Makefile", "osl.c", "osl.h", "osl_controller.py"}
-    assert main([*words, "--verify"]) == 2
-    assert "--out" in capsys.readouterr().err
+    for more in ([], ["--verify"]):
+        assert main([*words, *more]) == 2
+        assert "--out" in capsys.readouterr().err

@@ -173,6 +173,14 @@ def test_an_implausible_number_of_the_drive_is_a_fault(spoil):
     assert bus.emulated.states == START[:1]
 
 
+def test_a_rated_torque_too_small_for_the_limit_is_a_fault():
+    bus = Bus()
+    bus.emulated.write(index=0x6076, value=36)  # 60 N·m are 33 times the 1.8 N·m at the joint
+    bus.cycle(count=60)
+    assert not bus.drive.ready and states(bus.drive.fault, "left_ankle", "1.8 N·m", "60 N·m")
+    assert bus.emulated.states == START[:1]
+
+
 def test_an_object_that_the_drive_rejects_is_a_fault():
     bus = Bus()
     del bus.emulated.node.object_dictionary[0x6060]
@@ -191,6 +199,28 @@ def test_a_drive_that_leaves_operation_is_a_fault_and_stays_off(bus, state):
     bus.cycle(count=20)
     assert states(bus.drive.fault, "left_ankle", state)
     assert bus.emulated.state in (state, "switch on disabled")
+
+
+def test_a_drive_that_has_failed_is_neither_reset_nor_switched_on_after_a_pause(bus):
+    bus.send(bus.drive.cycle(STILL))
+    bus.fails("fault")
+    bus.send(shared_frames())
+    bus.cycle()
+    assert states(bus.drive.fault, "left_ankle", "fault")
+    bus.send(bus.drive.stop())
+    bus.fails("fault")
+    bus.cycle(count=60)
+    assert bus.emulated.state == "fault" and not bus.drive.ready
+
+
+def test_a_statusword_of_no_state_is_a_fault(bus):
+    bus.drive.receive(MotorFrame(0x185, bytes.fromhex("02 00 00 00 00 00 00 00")))
+    assert states(bus.drive.fault, "left_ankle", "0x0002")
+
+
+def test_a_torque_that_is_no_number_is_a_fault_and_sent_as_zero(bus):
+    bus.cycle(replace(STILL, torque=math.nan))
+    assert states(bus.drive.fault, "left_ankle", "finite") and bus.emulated.torques[-1] == 0
 
 
 def test_an_emergency_and_the_end_of_the_operation_of_the_bus_are_faults(bus):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from emulated_drives import ENTER, EXIT, PUBLISHED, AkDrive
@@ -163,6 +165,31 @@ def test_a_drive_that_never_answers_is_a_fault():
         assert drive.fault == "", cycle
         drive.cycle(STILL)
     assert states(drive.fault, "right_hip", "ready")
+
+
+def test_a_faulty_drive_is_never_switched_on():
+    drive, emulated = MitDrive(settings(), DriveModel.AK80_9), AkDrive(3, "AK80-9", silent=True)
+    for _ in range(21):
+        exchange(drive, emulated)
+    emulated.silent = False  # it answers too late
+    for _ in range(5):
+        exchange(drive, emulated)
+    assert states(drive.fault, "ready") and not drive.ready and not emulated.on and emulated.entered == 0
+    other, late = pair()
+    late.error = 1
+    exchange(other, late)
+    late.receive(*other.stop()[0])
+    exchange(other, late)
+    assert not late.on and late.entered == 1
+
+
+@pytest.mark.parametrize("torque", [np.nan, np.inf])
+def test_a_torque_that_is_no_number_is_a_fault_and_sent_as_zero(torque):
+    drive, emulated = pair()
+    exchange(drive, emulated, replace(STILL, torque=torque, angle=np.nan))
+    assert states(drive.fault, "right_hip", "finite")
+    *_, kp, kd, sent = emulated.commands[-1]
+    assert (kp, kd) == (0.0, 0.0) and abs(sent) <= 0.51 * 36.0 / 4095
 
 
 def test_an_angle_outside_its_range_is_a_fault():

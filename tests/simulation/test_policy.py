@@ -1,5 +1,6 @@
 """Policies: the network against its formula, the setpoints that it changes, mistakes in its file, the C."""
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,16 @@ from firmware_tools import TARGET_TOOLS, require_tools
 from twin_gait import Run, load_experiment, simulate, summarise_run
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.validation import packaged, read_yaml
+from twin_gait.control.controllers.policy import compute_outputs
 from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware.exoskeleton_unit import record_vectors
 from twin_gait.firmware.project import print_project
 from twin_gait.firmware.verification import VerificationBuild, count_differences, verify
+from twin_gait.gait.signals import all_signal_names
 from twin_gait.runs.record import save_run
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.batch import override_experiment
 from twin_gait.vocabulary import Outcome
@@ -131,6 +135,23 @@ def test_setpoints_follow_the_formula_of_the_network_with_a_limited_rate(walk: R
         assert log[f"{side}_knee_equilibrium_rad"][settled].to_numpy() == pytest.approx(angles, abs=1e-9)
 
 
+@pytest.mark.parametrize("reading", [np.nan, np.inf, -np.inf, 1e300])
+def test_a_reading_that_is_no_angle_counts_as_zero_and_leaves_no_trace(
+    tmp_path: Path, reading: float
+) -> None:
+    setup = build_setup(experiment_with(tmp_path, "duration_s=0.5"))
+    _, episode, _ = assemble(setup)
+    device, names = episode.controller, all_signal_names(setup.plan.joints)
+    found = []
+    for value in (0.0, reading):
+        memory = deepcopy(device.memory)
+        device.signals[:] = [0.0] * len(device.signals)
+        device.signals[names.index("hip.angle_deg")] = value
+        compute_outputs(memory, device, 1)
+        found.append(list(memory.outputs))
+    assert found[0] == found[1] and any(found[0])
+
+
 def test_a_policy_of_zero_weights_is_the_table(tmp_path: Path) -> None:
     plain = simulate(load_experiment("treadmill", ["duration_s=0.5"]).experiment)
     found = simulate(experiment_with(tmp_path, "duration_s=0.5", weights=[0.0] * N_WEIGHTS))
@@ -159,6 +180,7 @@ def test_a_policy_of_zero_weights_is_the_table(tmp_path: Path) -> None:
         ({"outputs": ["knee.torque_Nm * 61"], "weights": [0.0] * 169}, ("policy.outputs", "60 N·m", "61")),
         ({"period_s": 0.0105}, ("period", "multiple of 0.001 s")),
         ({"speed": 1}, ("speed", "unknown key")),
+        ({"schema_version": 99}, ("schema_version", "2", "99")),
     ],
 )
 def test_a_mistake_in_the_file_is_one_line(
@@ -256,4 +278,5 @@ def test_low_effort_needs_less_torque_at_nearly_the_tracking_of_the_table() -> N
             lambda side, joint: side[f"rmse_{joint}_by_contact_deg"],
         )
     )
-    assert efforts[1] < 0.95 * efforts[0] and errors[1] < errors[0] + 0.5
+    # For wearers of 60 to 90 kg the mean error rises by 0.30° to 0.32° (hip 0.1°, knee 0.6°; see the page).
+    assert efforts[1] < 0.95 * efforts[0] and errors[1] < errors[0] + 0.35

@@ -49,15 +49,20 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.runs.folders import FolderKind, staged_directory
 
     out = arguments.out
-    if out is None and (not arguments.verify or arguments.target != TARGETS[0]):
-        raise ParameterError("--out: expected the folder to write; only --verify alone writes none")
+    if arguments.verify and arguments.target == "fmu":
+        raise ParameterError("--verify: compares the C for boards; leave it out, or use --target board")
+    if out is None and not (arguments.verify and arguments.target == "board"):
+        raise ParameterError("--out: expected the folder to write; --verify without --target needs none")
     loaded = options.load_experiment(arguments)
     document: dict[str, Any] = {}
     kind = FolderKind("a firmware folder", MANIFEST)
     with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
         if staging is not None:
-            write = _write_fmus if arguments.target == "fmu" else _write
-            document |= {**write(loaded, staging, arguments.target), "directory": out}
+            if arguments.target == "fmu":
+                document |= _write_fmus(loaded, staging)
+            else:
+                document |= _write_project(loaded, staging, with_osl=arguments.target == "osl")
+            document["directory"] = out
         if arguments.verify:
             with terminal.progress_bar("verifying", "tick") as progress:
                 found = verify(loaded.experiment, progress)
@@ -69,8 +74,12 @@ def run(arguments: argparse.Namespace) -> int:
     return FAILED if document.get("passed") is False else DONE
 
 
-def _write(loaded: LoadedExperiment, folder: Path, target: str) -> dict[str, Any]:
-    """Write the project to a folder, and return its manifest."""
+def _write_project(loaded: LoadedExperiment, folder: Path, *, with_osl: bool) -> dict[str, Any]:
+    """Write the project to a folder, and return its manifest.
+
+    ``with_osl``: whether to add the library for the Open-Source Leg; the manifest has its path, or None
+    without gcc.
+    """
     from twin_gait.firmware.exoskeleton_unit import record_vectors
     from twin_gait.firmware.osl import write_osl
     from twin_gait.firmware.project import print_project
@@ -82,13 +91,13 @@ def _write(loaded: LoadedExperiment, folder: Path, target: str) -> dict[str, Any
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress)
     found = write_project(project, folder, vectors, document)
-    if target == "osl":
+    if with_osl:
         library = write_osl(project, folder)
         found["library"] = None if library is None else str(library.relative_to(folder))
     return found
 
 
-def _write_fmus(loaded: LoadedExperiment, folder: Path, _: str) -> dict[str, Any]:
+def _write_fmus(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Write the FMUs to a folder, and return their manifest."""
     from twin_gait.firmware.fmu_folder import write_fmus
 

@@ -23,6 +23,7 @@ from twin_gait.configuration.custom_sections import (
 from twin_gait.configuration.device_file import Device, list_devices, load_device, without_device
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
+from twin_gait.configuration.policy_file import read_policy
 from twin_gait.configuration.reference_file import convert_reference, resolve_reference
 from twin_gait.configuration.sections import known_sections
 from twin_gait.configuration.validation import (
@@ -34,7 +35,6 @@ from twin_gait.configuration.validation import (
     validate,
 )
 from twin_gait.control.controller import Controller
-from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.control.user_controller import record_controller
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration
@@ -269,25 +269,9 @@ def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if "scenario" in data:
         problem = "is a key of an experiment, not of a person; give the file as the experiment instead"
         raise ParameterFileError(path, "scenario", problem)
+    gait_table_file.require_schema_version(data, str(path))
     person = {item: data[item] for item in data if item not in _HEADER}
     return {**person, "name": data.get("name") or path.stem}
-
-
-def read_policy(name: str, path: Path, source: str = "") -> dict[str, Any]:
-    """Return the section ``control.policy`` for the name of a shipped policy, or the path of its file.
-
-    ``path``: file that contains the name, to whose folder a relative path refers; the working folder is
-    searched next. ``source``: name of this file in messages. Raises ParameterFileError if there is no such
-    policy, or if it has a mistake.
-    """
-    find = partial(gait_table_file.named_file, name, "policies", path.parent)
-    found = convert_with_context(source or str(path), "control.policy", find)
-    data = read_yaml(found)
-    section = {key: data[key] for key in data if key != "schema_version"}
-    section.setdefault("name", found.stem)
-    checked = validate(section_of(PolicyParameters), section, str(found))
-    convert_with_context(str(found), "", checked.convert)
-    return section
 
 
 def list_own_gaits() -> dict[str, str]:

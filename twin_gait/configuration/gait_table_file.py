@@ -131,6 +131,12 @@ def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> P
     raise ParameterError(f"there is no {_KINDS[kind]} {shown}; {expected}")
 
 
+def require_schema_version(data: Mapping[str, Any], source: str) -> None:
+    """Raise ParameterFileError if a file, in which the version is optional, states another version."""
+    if (version := data.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
+        raise ParameterFileError(source, "schema_version", f"expected {SCHEMA_VERSION}, got {short(version)}")
+
+
 def resolve_path(folder: Path, name: str) -> str:
     """Return the absolute path of a file in ``folder`` or the working folder; without it, the given name."""
     paths = (folder / name, Path(name).expanduser())

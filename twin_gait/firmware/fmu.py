@@ -27,10 +27,9 @@ _FILES = make_template_environment(
     autoescape=lambda name: name.endswith(".xml"),
 )
 _TYPES = {REAL: "Real", INT: "Integer", BOOL: "Boolean"}  # Types of FMI by the kinds of the printer.
-_PLATFORMS = {"Linux": ("linux64", "so"), "Darwin": ("darwin64", "dylib"), "Windows": ("win64", "dll")}
-_STRUCTURED = re.compile(
-    r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII
-)  # Names of FMI with parts, without quotes.
+_PLATFORMS = {"Linux": ("linux64", "so"), "Darwin": ("darwin64", "dylib")}
+# Names of FMI with parts, without quotes.
+_STRUCTURED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 # Exponents of the base units by unit.
 _BASE_UNITS = {
     **{unit: {unit: 1} for unit in ("rad", "s", "m", "kg", "A")},
@@ -52,6 +51,7 @@ class FmuVariable(NamedTuple):
     description: str
     sign: float = 1.0  # -1 if the record contains the negative of the variable.
     reference: int = -1  # Value reference.
+    most: int | None = None  # Largest value of an input that is an index, from 0; None for no limits.
 
     @property
     def type(self) -> str:

@@ -23,13 +23,21 @@ from twin_gait.firmware.single_episode import SingleEpisode, real_sqrt
 from twin_gait.firmware.units import ExoskeletonInputs, ExoskeletonOutputs
 from twin_gait.kernels.generated import write_contact_forces, write_dynamics, write_merged_functions
 from twin_gait.simulation.compiled_engine import assemble
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import COMPLETED, CRUTCH_LOST, DIVERGED, FELL, TIPPED, Episode
 from twin_gait.simulation.executors import scalar_driver
 from twin_gait.simulation.schedule import ACT, NAMES, SENSE, update_status
 from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.simulation.stages.environment import update_commands
 
 NAME = "plant"
+# Words for the status of the walk.
+ENDINGS = {
+    COMPLETED: "walking",
+    FELL: "fell",
+    DIVERGED: "diverged",
+    TIPPED: "tipped",
+    CRUTCH_LOST: "lost a crutch",
+}
 
 
 @dataclass(slots=True)
@@ -157,7 +165,10 @@ def _variables(unit: FmuUnit, setup: SimulationSetup, state: Episode) -> Iterato
     pelvis = setup.world.model.pelvis_index
     labels = exchanged_labels(setup)
     for item in unit.exchanged("input", labels):
-        if item.name.rpartition(".")[2] in ("target_current", "drive_off", "phase", "trip_cause"):
+        name = item.name.rpartition(".")[2]
+        if name == "phase":
+            yield item._replace(most=len(setup.table.phases) - 1)
+        elif name in ("target_current", "drive_off", "trip_cause"):
             yield item
     yield from unit.exchanged("output", labels)
     for name, joint in zip(joint_names(setup), state.joints, strict=True):
@@ -169,10 +180,9 @@ def _variables(unit: FmuUnit, setup: SimulationSetup, state: Episode) -> Iterato
             path = f"unit.episode.{key}[{joint.index}]"
             more = {"unit": si, "description": f"{name.replace('_', ' ')}: {meaning}, positive in flexion."}
             yield from unit.variable(f"{name}.{quantity}", path, "output", **more)
-    ends = "0 walking, 1 fell, 2 diverged, 3 tipped, 4 lost a crutch"
-    yield from unit.variable(
-        "status", "unit.episode.status", "output", description=f"Status of the walk: {ends}."
-    )
+    ends = ", ".join(f"{code} {words}" for code, words in ENDINGS.items())
+    text = f"Status of the walk: {ends}."
+    yield from unit.variable("status", "unit.episode.status", "output", description=text)
     yield from unit.variable("belt_speed", "unit.episode.belt.cruise", "parameter")
     if pelvis is not None:  # the support acts on the wearer's pelvis
         path = f"unit.episode.plant[{pelvis + setup.world.wearer_offset}].spring.force"

@@ -33,9 +33,8 @@ class Function:
     aliases: dict[str, list[Value]] = field(default_factory=dict)
     written: set[str] = field(default_factory=set)  # names of records and lists that are written to
     lengths: set[str] = field(default_factory=set)  # arguments with a relevant length
-    namesakes: int = (
-        0  # functions before it with its name, which Python tells apart by underscores or modules
-    )
+    # Functions before it with the same name in C, which differ in Python by underscores or the module.
+    namesakes: int = 0
 
     @property
     def name(self) -> str:

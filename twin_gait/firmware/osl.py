@@ -26,7 +26,7 @@ class Field(NamedTuple):
 def input_fields(project: Project) -> list[Field]:
     """Return the inputs of a step, in their order."""
     experiment = project.setup.experiment
-    found = [Field("ticks", "ticks of 1 ms since the last call, 1 or more", True)]
+    found = [Field("ticks", "ticks of 1 ms since the last call; 0 leaves the outputs as they are", True)]
     for joint in project.joints:
         found += [
             Field(f"{joint}_angle", "angle in [rad]; flexion and dorsiflexion are positive"),

@@ -16,9 +16,8 @@ from typing import Any, TypeAlias, get_type_hints
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.kinds import SCALARS
 
-Rewrite: TypeAlias = Callable[
-    [ast.FunctionDef, Mapping[str, Any]], ast.FunctionDef
-]  # of a tree with its scope
+# Function that rewrites the tree of a function with its scope.
+Rewrite: TypeAlias = Callable[[ast.FunctionDef, Mapping[str, Any]], ast.FunctionDef]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.sections import section_of
 from twin_gait.control.policy_parameters import PolicyParameters
 from twin_gait.core.network import dense_layer
@@ -37,4 +38,6 @@ def policy_outputs(
 
 def write_policy(network: PolicyParameters, path: Path) -> None:
     """Write a policy to a file, for ``control.policy``."""
-    write_atomically(path, dump_yaml({"schema_version": 2, **section_of(PolicyParameters).document(network)}))
+    write_atomically(
+        path, dump_yaml({"schema_version": SCHEMA_VERSION, **section_of(PolicyParameters).document(network)})
+    )

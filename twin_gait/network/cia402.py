@@ -21,6 +21,7 @@ CONTROLWORDS: Mapping[str, int] = CIA402["controlwords"]
 _EXPEDITED = {8: 0x2F, 16: 0x2B, 32: 0x23}  # Command bytes of a download by its bits, CiA 301.
 _UPLOAD, _UPLOADED, _ABORT = 0x40, 0x43, 0x80  # Read request, its answer with four bytes, and abort, CiA 301.
 _ENABLED = "operation_enabled"
+_MOST_TORQUE = 2**15 - 1  # Largest target torque in thousandths of the rated torque, an integer of 16 bits.
 
 
 def state_of(statusword: int) -> str:
@@ -142,7 +143,7 @@ class Cia402Drive(Drive):
         if self.ready and not enabled:
             self.fail(f"is in the state {self.state.replace('_', ' ')}")
         command = "disable_voltage" if self.fault and not enabled else CIA402["states"][self.state]["command"]
-        if self.state == "fault" and self._may_reset and not self.ready:
+        if self.state == "fault" and self._may_reset and not self.ready and not self.fault:
             self._may_reset, command = False, "fault_reset"  # once, before the drive is switched on
         return [self._command(command, setpoint.torque if enabled else 0.0)]
 
@@ -154,12 +155,13 @@ class Cia402Drive(Drive):
         """Rated torque at the joint in [N·m]."""
         return 1e-3 * self._values["rated_torque"] * self.settings.gear_ratio
 
+    def _thousandths(self, torque: float) -> int:
+        """Return a torque at the joint in thousandths of the rated torque."""
+        return math.floor(1e3 * torque / self._rated + 0.5)
+
     def _command(self, name: str, torque: float = 0.0) -> MotorFrame:
         """Return the cyclic frame with a command and a torque in [N·m]."""
-        values = {
-            "controlword": CONTROLWORDS[name],
-            "target_torque": math.floor(1e3 * torque / self._rated + 0.5),
-        }
+        values = {"controlword": CONTROLWORDS[name], "target_torque": self._thousandths(torque)}
         return MotorFrame(ID["rpdo1"] + self.settings.node, pack_objects("rpdo1", values))
 
     def _stop_frames(self) -> list[MotorFrame]:
@@ -201,15 +203,25 @@ class Cia402Drive(Drive):
                 )
                 return
             self._values[item.read_as] = value
+            if (
+                item.read_as == "rated_torque"
+                and self._thousandths(self.settings.torque_limit) > _MOST_TORQUE
+            ):
+                limit = f"the torque limit of {self.settings.torque_limit:g} N·m"
+                self.fail(f"has a rated torque of {self._rated:.3g} N·m at the joint, too small for {limit}")
+                return
         self._transfers.popleft()
         self._asked = 0
         if item.read_as == "rated_torque":  # the drive limits the torque, too
-            most = min(math.ceil(1e3 * self.settings.torque_limit / self._rated), 0xFFFF)
-            self._transfers.append(access("max_torque", most))
+            self._transfers.append(access("max_torque", self._thousandths(self.settings.torque_limit)))
 
     def _receive_status(self, values: Mapping[str, int]) -> None:
         self._values |= values
         self.state = state_of(values["statusword"])
+        if not self.state:
+            self.fail(
+                f"reports the statusword 0x{values['statusword']:04X}, which is no state of the profile"
+            )
         turn = self._values["increments"] / self._values["revolutions"] * self.settings.gear_ratio
         unit = 2.0 * math.pi / turn
         angle, velocity = unit * values["position"], unit * self._values["velocity"]

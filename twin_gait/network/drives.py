@@ -3,8 +3,9 @@
 Nothing here reads a clock: time is counted in cycles, in each of which every drive receives a setpoint.
 """
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 
@@ -66,12 +67,15 @@ class Drive(ABC):
         self._silent = 0  # Cycles since the last report, or since the start.
 
     def cycle(self, setpoint: MotorSetpoint) -> list[MotorFrame]:
-        """Return the frames of a cycle, and detect a silent drive."""
+        """Return the frames of a cycle, and detect a silent drive, and a torque that is no number."""
         self._silent += 1
         if self.ready and self._silent > self.settings.silent_cycles:
             self.fail(f"is silent for {self.settings.silence_ms} ms")
         elif not self.ready and self._silent > self.settings.start_cycles:
             self.fail("did not become ready")
+        if not math.isfinite(setpoint.torque):
+            self.fail("receives no torque, because the command of the walk is not a finite number")
+            setpoint = replace(setpoint, torque=0.0)
         return self._frames(setpoint)
 
     def fail(self, text: str) -> None:

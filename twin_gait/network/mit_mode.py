@@ -74,7 +74,7 @@ class MitDrive(Drive):
         Raises ParameterError if the torque limit is beyond the range of the model.
         """
         super().__init__(settings)
-        self._entered = False  # Whether the drive was told to enter motor control.
+        self._entered = False  # Whether the last frame that switches motor control has switched it on.
         self._command, self._reply = (packed_numbers(kind, model) for kind in ("command", "reply"))
         most, limit = self._command[-1].high, settings.torque_limit
         if limit > most:
@@ -84,8 +84,8 @@ class MitDrive(Drive):
 
     def _frames(self, setpoint: MotorSetpoint) -> list[MotorFrame]:
         if not self.ready:
-            self._entered = True
-            return [MotorFrame(self.settings.node, _ENTER)]
+            self._entered = not self.fault
+            return [MotorFrame(self.settings.node, _ENTER if self._entered else _EXIT)]
         kd = min(setpoint.damping, _MIT["ranges"]["damping"][1])
         spring = setpoint.stiffness * (setpoint.equilibrium - setpoint.angle)
         rest = setpoint.torque - spring + kd * setpoint.velocity

@@ -27,7 +27,7 @@ _CODES = {float: "f8", int: "i8", bool: "i8"}
 
 
 def pad_phases(entries: list[Record]) -> list[Record]:
-    """Return a list by phase that is padded with its last entry, which no phase reads there."""
+    """Pad a list by phase with copies of its last entry, which no phase reads."""
     return entries + entries[-1:] * (-len(entries) % _PHASE_CAPACITY)
 
 

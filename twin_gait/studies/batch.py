@@ -22,10 +22,10 @@ from twin_gait.configuration.experiments import (
     LoadedExperiment,
     experiment_from_mapping,
     load_named_document,
-    read_policy,
     replace_device,
     sections_of_person,
 )
+from twin_gait.configuration.policy_file import read_policy
 from twin_gait.configuration.validation import (
     assign,
     convert_with_context,

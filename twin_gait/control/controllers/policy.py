@@ -27,6 +27,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters.quantities import DEGREE, require
 from twin_gait.vocabulary import JointName, Side
 
+MOST_INPUT = 1e6  # Largest input of the network; beyond it a measurement counts as missing, which is 0.
 SIGNAL_INPUT, PHASE_INPUT, ERROR_INPUT, LAST_INPUT = range(4)  # Kinds of inputs.
 
 
@@ -100,7 +101,7 @@ def compute_outputs(memory: PolicyMemory, device: ControllerState, number: int) 
     n_inputs, n_outputs = len(memory.kinds), len(memory.columns)
     for index in range(n_inputs):
         value = memory.factors[index] * read_input(memory, device, number, index)
-        value = value if value == value else 0.0  # A missing measurement must not remain in the outputs.
+        value = value if abs(value) <= MOST_INPUT else 0.0  # NaN or infinity would remain in the outputs.
         memory.leg_inputs[index] = value
         memory.inputs[number * n_inputs + index] = value
     hidden, first = memory.hidden, number * n_outputs

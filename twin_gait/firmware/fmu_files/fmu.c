@@ -34,12 +34,14 @@ typedef struct {
     Type type;
     char causality; /* 'i' for an input, 'o' for an output, 'p' for a tunable parameter */
     real sign; /* -1 if the unit stores the negative of the variable */
+    int32_t low, high; /* limits of an integer that is set, which may be an index */
 } Variable;
 
 /* Variables in the order of their value references. */
 static const Variable variables[] = {
 {% for item in variables %}
-    {offsetof(State, {{ item.path }}), {{ item.type|upper }}_VARIABLE, '{{ item.causality[0] }}', {{ item.sign }}},
+    {offsetof(State, {{ item.path }}), {{ item.type|upper }}_VARIABLE, '{{ item.causality[0] }}', {{ item.sign }},
+        {{ "INT32_MIN, INT32_MAX" if item.most is none else "0, %d" % item.most }}},
 {% endfor %}
 };
 enum { N_VARIABLES = sizeof variables / sizeof variables[0] };
@@ -187,6 +189,11 @@ EXPORT fmi2Status fmi2Set{{ type }}(fmi2Component c, const fmi2ValueReference re
         if (found == NULL) {
             return fmi2Error;
         }
+{% if type == "Integer" %}
+        if (values[i] < variables[references[i]].low || values[i] > variables[references[i]].high) {
+            return report(c, "an integer is outside the limits that modelDescription.xml states");
+        }
+{% endif %}
         *found = {{ sign }}values[i]{{ " != 0" if type == "Boolean" else "" }};
     }
     return fmi2OK;

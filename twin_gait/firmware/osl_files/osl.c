@@ -5,7 +5,7 @@
 #include "exoskeleton.h"
 
 #define JOINTS {{ project.joints | length }}
-#define LONGEST_STEP {{ longest_step }} /* [ticks]; after a longer time all readings are missing, and the monitor trips */
+#define LONGEST_STEP {{ longest_step }} /* [ticks]; after a longer or a negative time all readings are missing, and the monitor trips */
 
 static Exoskeleton unit;
 static ExoskeletonOutputs outputs;
@@ -22,8 +22,11 @@ void {{ prefix }}_init(void)
 void {{ prefix }}_step(const Inputs *given, Outputs *taken)
 {
     ExoskeletonInputs inputs = {0};
-    const bool late = given->ticks > LONGEST_STEP;
+    const bool late = given->ticks < 0 || given->ticks > LONGEST_STEP;
     const int32_t ticks = late ? 1 : given->ticks;
+    if (ticks == 0) {
+        return; /* no time has passed: the outputs remain */
+    }
     const real angle[JOINTS] = { {%- for joint in project.joints %}(real)given->{{ joint }}_angle{{ "" if loop.last else ", " }}{% endfor %} };
 
 {% for joint in project.joints %}
