@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from errors import raises
 from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
-from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -21,7 +19,6 @@ from twin_gait.studies.compare.comparison import compare, draw_sample, find_cont
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.studies.sweep.sweep import run_sweep
 from twin_gait.studies.tune.objective import rate_walk, term_costs
-from twin_gait.studies.tune.tune import TuningSettings, tune
 from twin_gait.studies.tune.walks import build_cases
 
 
@@ -38,11 +35,6 @@ def test_no_case_of_a_tuning_changes_a_missing_belt():
     experiment = floor()
     assert not [name for name in build_cases(experiment, "robust") if "belt" in name]
     assert draw_sample(experiment, 1).scenario == experiment.scenario
-
-
-def test_studies_that_need_a_belt_are_refused():
-    with raises(ParameterError, "overground", "--robust"):
-        tune(floor(), TuningSettings(robust=True))
 
 
 def test_a_walk_with_crutches_is_also_rated_by_distance_and_crutch_load():

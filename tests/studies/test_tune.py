@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,15 +21,14 @@ from twin_gait.cli import studies as command
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
-from twin_gait.exceptions import (
-    ParameterError,
-    TwinGaitError,
-)
+from twin_gait.exceptions import MissingOptionalDependency, ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters.wearer import Patient
 from twin_gait.simulation.simulation_setup import scaled_table
 from twin_gait.studies.tune import tune as stages
+from twin_gait.studies.tune.draws import draw_ranges, draw_worlds
+from twin_gait.studies.tune.evolution import Evolution, rank_in_two_rounds
 from twin_gait.studies.tune.objective import (
     FALL,
     WORST,
@@ -42,6 +42,7 @@ from twin_gait.studies.tune.objective import (
 from twin_gait.studies.tune.result import verdict
 from twin_gait.studies.tune.search import MAX_GENERATIONS_WITHOUT_GAIN, REACH, Descent, Generation
 from twin_gait.studies.tune.space import (
+    SETTINGS,
     apply_coordinates,
     editable_document,
     split_sides,
@@ -277,21 +278,45 @@ def test_the_robust_set_contains_the_documented_cases() -> None:
     assert worlds[0] == nominal
 
 
-def test_the_corners_are_other_wearers_with_matching_device_parameters() -> None:
-    assumed = Patient(mass=80.0, height=1.8)
+def test_draws_are_in_their_ranges_and_the_device_receives_the_wearer() -> None:
     nominal = load_experiment("treadmill").experiment
-    nominal = replace(nominal, control=replace(nominal.control, patient=assumed))
-    worlds = list(build_cases(nominal, "corners").values())
-    reached = [
-        (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
-        for w in worlds
-    ]
-    for values, (least, most) in zip(
-        zip(*reached, strict=True), ((50, 110), (1.5, 1.95), (0.2, 0.8), (0.8, 1.9)), strict=True
-    ):
-        middle = (least + most) / 2
-        assert least <= min(values) < middle < max(values) <= most
-    assert all(world.control.patient is None for world in worlds)
+    nominal = replace(nominal, control=replace(nominal.control, patient=Patient(mass=80.0, height=1.8)))
+    worlds = list(draw_worlds(nominal, 16, seed=3, stream=0).values())
+    ranges = draw_ranges(nominal)
+    drawn = {
+        "patient.height_m": [world.patient.height for world in worlds],
+        "support_share": [world.scenario.support.share for world in worlds],
+        "belt_speed": [world.scenario.belt_speed for world in worlds],
+        "scenario.contact.stiffness_N_per_m1p5": [world.scenario.contact.stiffness for world in worlds],
+        "gear_efficiency": [next(iter(w.plant.actuators.values())).gear_efficiency for w in worlds],
+        "friction_ratio": [next(iter(w.plant.friction_ratio.values())) for w in worlds],
+    }
+    for key, values in drawn.items():
+        low, high = ranges[key]["lower"], ranges[key]["upper"]
+        middle = math.sqrt(low * high) if ranges[key].get("logarithmic") else 0.5 * (low + high)
+        assert low <= min(values) and max(values) <= high, key
+        assert sum(value < middle for value in values) == 8, key  # a Latin hypercube
+    for world in worlds:
+        assert world.control.patient.height == world.patient.height
+        assert world.patient.mass / world.control.patient.mass == pytest.approx(1.0, abs=0.05)
+        assert not world.sensors.ideal
+
+
+def test_draws_depend_on_seed_and_stream_only() -> None:
+    nominal = load_experiment("treadmill").experiment
+    first = draw_worlds(nominal, 4, seed=3, stream=0)
+    assert draw_worlds(nominal, 4, seed=3, stream=0) == first
+    masses = {
+        tuple(world.patient.mass for world in draw_worlds(nominal, 4, seed=seed, stream=stream).values())
+        for seed, stream in ((3, 0), (3, 1), (4, 0))
+    }
+    assert len(masses) == 3
+
+
+def test_draws_on_the_floor_have_arms_and_no_belt() -> None:
+    worlds = draw_worlds(load_experiment("overground").experiment, 4, seed=0, stream=0).values()
+    assert len({world.scenario.arms.delay for world in worlds}) == 4
+    assert all(0.15 <= world.scenario.arms.delay <= 0.20 for world in worlds)
 
 
 def test_a_leg_on_a_bench_cannot_be_tuned() -> None:
@@ -454,7 +479,7 @@ def test_a_stopped_tuning_has_no_result(bowl: Bowl, walks_before: int) -> None:
     assert tune(experiment, SHORT, should_stop=lambda: bowl.walks >= walks_before) is None
 
 
-def test_only_the_best_of_a_generation_are_simulated_in_the_corners(bowl: Bowl) -> None:
+def test_only_the_best_of_a_generation_are_simulated_in_the_other_cases(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     portions: list[list[Experiment]] = []
 
@@ -465,15 +490,77 @@ def test_only_the_best_of_a_generation_are_simulated_in_the_corners(bowl: Bowl) 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages.walks, "walk_all", noted)
         tune(experiment, TuningSettings(generations=1))
-    nominal, corners = [*portions[1], *portions[2]], portions[3]
+    nominal, others = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
     order = sorted(range(len(nominal)), key=lambda index: nominal_cost(alone[index]))[: stages.RACED]
     size = len(build_cases(experiment, "search")) - 1
-    assert len(corners) == size * stages.RACED
+    assert len(others) == size * stages.RACED
     assert all(walk.patient == experiment.patient for walk in nominal)
-    assert all(walk.patient != experiment.patient for walk in corners)
-    raced = [walk.table.phases for walk in corners[::size]]
+    assert all(walk.patient != experiment.patient for walk in others)
+    raced = [walk.table.phases for walk in others[::size]]
     assert raced == [nominal[index].table.phases for index in order]
+
+
+ROBUST = TuningSettings(robust=True, generations=40, population=12, draws=1, held_out=2, seed=1, spread=0.2)
+
+
+def test_a_robust_search_finds_the_optimum_from_elsewhere(bowl: Bowl) -> None:
+    experiment = load_experiment("treadmill").experiment
+    for settings in (ROBUST, replace(ROBUST, scatter=0.3, seed=2)):
+        best = tune(experiment, settings).ranked[0].table["phases"]["swing_flexion"]
+        assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.5)
+        assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.4)
+
+
+def test_a_robust_search_is_judged_in_worlds_that_it_has_not_seen(bowl: Bowl) -> None:
+    experiment = load_experiment("treadmill").experiment
+    portions: list[list[Experiment]] = []
+
+    def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating]:
+        portions.append(list(walks))
+        return bowl(walks, *rest, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stages.walks, "walk_all", noted)
+        result = tune(experiment, replace(ROBUST, generations=2))
+    start, first_all, first_half, second_all, second_half, held_out = portions
+    assert len(start) == 1 + ROBUST.draws
+    assert len(first_all) == len(second_all) == ROBUST.population
+    assert len(first_half) == len(second_half) == ROBUST.draws * ROBUST.population // 2
+    assert len(held_out) == len(result.ranked) * (1 + ROBUST.held_out)
+    masses = [
+        {walk.patient.mass for walk in walks} - {experiment.patient.mass}
+        for walks in (start, first_half, second_half, held_out)
+    ]
+    assert all(masses) and sum(map(len, masses)) == len(set.union(*masses))  # no world twice
+
+
+def test_numbers_of_the_experiment_are_searched_with_the_table(bowl: Bowl) -> None:
+    key, experiment = "scenario.support.damping_Ns_per_m", load_experiment("treadmill").experiment
+    walked: set[float] = set()
+
+    def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating]:
+        walked.update(walk.scenario.support.damping for walk in walks)
+        return bowl(walks, *rest, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stages.walks, "walk_all", noted)
+        result = tune(experiment, replace(ROBUST, generations=2, also={key: (50.0, 90.0, 130.0)}))
+    assert len(walked) > ROBUST.population
+    assert min(walked) >= 50.0 and max(walked) <= 130.0
+    assert result.initial.table[SETTINGS] == {key: 90.0}
+
+
+def test_ranks_of_the_second_round_come_before_those_of_the_first() -> None:
+    first = [5.0, 1.0, 9.0, 3.0, 2.0]
+    costs = rank_in_two_rounds(first, lambda chosen: {at: {1: 7.0, 4: 4.0, 3: 20.0}[at] for at in chosen})
+    assert sorted(range(5), key=costs.__getitem__) == [4, 1, 3, 0, 2]
+
+
+def test_a_robust_search_without_its_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cma", None)
+    with raises(MissingOptionalDependency, "cma", "twin-gait[robust]"):
+        Evolution([0.5], spread=0.1, population=4, seed=0)
 
 
 def test_the_search_rejects_a_table_with_an_error(bowl: Bowl) -> None:
@@ -498,6 +585,9 @@ def test_the_search_rejects_a_table_with_an_error(bowl: Bowl) -> None:
         (["--workers", "1", "--scheduler", "tcp://x"], ("--workers", "--scheduler")),
         (["--patient", "nobody"], ("nobody",)),
         (["bench_leg"], ("bench_leg",)),
+        (["--draws", "3"], ("--draws", "--robust")),
+        (["--robust", "--population", "3"], ("population", "4", "3")),
+        (["--robust", "--also", "scenario.nothing=0:1:2"], ("scenario.nothing",)),
     ],
 )
 def test_a_mistake_is_refused_in_one_line_without_a_folder(

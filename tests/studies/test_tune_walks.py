@@ -34,8 +34,8 @@ from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.tune import TuningSettings, tune
 from twin_gait.studies.tune.walks import (
     build_cases,
+    candidate_table,
     quick_errors,
-    table_from_document,
     table_performance,
     walk_all,
 )
@@ -159,7 +159,7 @@ def test_the_quick_rules_find_an_error_of_a_table() -> None:
     for item in table["transitions"]:
         if item["cause"] == "limb_extended":
             item["all"] = ["knee.angle_deg > 500"]
-    assert quick_errors(replace(experiment, table=table_from_document(table)))
+    assert quick_errors(replace(experiment, table=candidate_table(table)))
 
 
 def test_walks_depend_neither_on_the_worker_nor_on_the_stored_columns() -> None:

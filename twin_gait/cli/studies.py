@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ COMPARE_DURATION = 60.0
 # [s], duration of each run with a fault; the gait starts within 1 s, and a fault shows effects within 2 s.
 FAULT_DURATION = 8.0
 COMPARISONS = Path("compare")
+# Options of a tuning that only the robust search has.
+ROBUST_ONLY = ("population", "draws", "held_out", "spread", "scatter", "also")
 NAMES = "table, position, assist_as_needed, twincare, policy, transparent, gravity, constant"
 
 
@@ -49,13 +52,35 @@ def add_parser(commands: Any) -> None:
     add("--keep-thresholds", action="store_false", dest="thresholds", help="do not tune the transitions")
     add("--keep-blending", action="store_false", dest="blending", help="do not tune the blending")
     add("--per-side", action="store_true", help="tune each leg separately (hemiparesis)")
-    add("--robust", action="store_true", help="tune for other wearers, supports and belt speeds, too")
+    add("--robust", action="store_true", help="tune for random wearers, supports, belts, drives and grounds")
+    robust = parser.add_argument_group("options of --robust")
+    add = robust.add_argument
+    add("--population", type=int, metavar="N", help="number of candidates of a generation (24)")
+    add("--draws", type=int, metavar="N", help="number of random worlds of a generation (8)")
+    add("--held-out", type=int, metavar="N", help="number of other random worlds for the result (100)")
+    add("--spread", type=float, metavar="S", help="standard deviation of the first candidates (0.08)")
+    add("--scatter", type=float, metavar="S", help="random distance of the start from the table (0)")
+    text = "also search this number of the experiment between LOW and HIGH, from START; may be repeated"
+    add("--also", type=_range, action="append", metavar="KEY=LOW:START:HIGH", help=text)
     options.add(parser, "--seed", "--workers", "--scheduler", "--json")
 
     parser = options.add_command(commands, "faults", faults)
     options.add_experiment(parser, seconds=f"{FAULT_DURATION:g}")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="number of faults (100)")
     options.add(parser, "--seed", "--workers", "--json")
+
+
+def _range(text: str) -> tuple[str, tuple[float, float, float]]:
+    """Read ``KEY=LOW:START:HIGH``; raise ArgumentTypeError for anything else."""
+    key, _, numbers = text.partition("=")
+    try:
+        low, start, high = map(float, numbers.split(":"))
+    except ValueError:
+        low = start = high = math.nan
+    if not (key and math.isfinite(high - low) and low <= start <= high and low < high):
+        expected = "KEY=LOW:START:HIGH with three rising numbers, such as scenario.arms.reach_deg=5:8:20"
+        raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
+    return key, (low, start, high)
 
 
 def sweep(arguments: argparse.Namespace) -> int:
@@ -153,9 +178,12 @@ def tune(arguments: argparse.Namespace) -> int:
 
     options.worker_count(arguments)
     experiment, out = options.load_experiment(arguments).experiment, arguments.out
-    given = {
-        item.name: vars(arguments)[item.name] for item in fields(TuningSettings) if item.name in arguments
-    }
+    options_given = vars(arguments) | {"also": dict(arguments.also or ())}
+    names = {item.name for item in fields(TuningSettings)}
+    given = {name: value for name, value in options_given.items() if name in names and value is not None}
+    only = [name for name in ROBUST_ONLY if given.get(name) and not arguments.robust]
+    if only:
+        raise ParameterError(f"--{only[0].replace('_', '-')}: is an option of --robust; add --robust")
     settings = TuningSettings(**given)
     check_target(out, result.TUNING, force=arguments.force)
 

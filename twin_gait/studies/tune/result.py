@@ -1,7 +1,7 @@
 """Result of a tuning: the chosen table, and its folder with numbers, report and figures."""
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +30,9 @@ from twin_gait.studies.tune.objective import (
     nominal_cost,
     term_costs,
 )
+from twin_gait.studies.tune.space import SETTINGS
 from twin_gait.studies.tune.tune import Finalist, Tuning, TuningSettings, tune
-from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, table_from_document, table_performance, walker
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, table_performance, walker, with_candidate
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE = "table.yaml", "tune.json", "report.html"
@@ -48,7 +49,8 @@ def choose(tuning: Tuning) -> tuple[Finalist, dict[str, int]]:
     Raises ParameterError if no table passes the check.
     """
     for finalist in tuning.ranked:
-        findings = check(build_case(table_from_document(finalist.table), tuning.experiment))
+        experiment = with_candidate(tuning.experiment, finalist.table)
+        findings = check(build_case(experiment.table, experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
             return finalist, counts(findings)
     raise ParameterError(
@@ -72,7 +74,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     """
     tuning = tune(experiment, TuningSettings(**settings), workers=workers)
     assert tuning is not None  # there is no should_stop
-    return table_from_document(choose(tuning)[0].table)
+    return with_candidate(tuning.experiment, choose(tuning)[0].table).table
 
 
 def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = False) -> dict[str, Any]:
@@ -91,11 +93,12 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     if finalist.points is None:
         origin = f"The table {start} without a change: the search found no better one for {wearer}."
     table = {**finalist.table, "name": f"{start}_tuned", "description": origin}
-    result = result_document(tuning, finalist, wearer) | {"check": found}
+    settings = table.pop(SETTINGS, {})
+    result = result_document(tuning, finalist, wearer) | {"check": found, "settings": settings}
     walked = walker(tuning.experiment, duration=tuning.settings.robust_duration)
     runs = {
-        name: simulate(replace(walked, table=table_from_document(document)))
-        for name, document in (("before", tuning.initial.table), ("after", table))
+        name: simulate(with_candidate(walked, item.table))
+        for name, item in (("before", tuning.initial), ("after", finalist))
     }
     with staged_directory(directory, TUNING, force=force) as staging:
         drawings = tuning_drawings(result, tuning.experiment, runs)

@@ -23,6 +23,8 @@ from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.yaml12 import load_data
 
+# Key under which a candidate has the numbers of the experiment that are searched together with the table.
+SETTINGS = "settings"
 _DEGREES_PER_RADIAN = 180.0 / math.pi
 _BOUNDS = load_data(Path(__file__).with_name("bounds.yaml"))
 _BOUNDS["friction_compensation_gain"] |= {"lower": GAIN_RANGE.low, "upper": GAIN_RANGE.high}
@@ -103,6 +105,19 @@ def tunable_parameters(
     for index, item in enumerate(table.transitions if thresholds else ()):
         guard = item.guard if isinstance(item.guard, (AllOf, AnyOf)) else AllOf(guards=(item.guard,))
         found += _thresholds(guard, ("transitions", index), item.cause)
+    return tuple(found)
+
+
+def experiment_parameters(ranges: Mapping[str, tuple[float, float, float]]) -> tuple[Parameter, ...]:
+    """Return numbers of the experiment that are searched together with the table.
+
+    ``ranges``: least value, start and largest value by key, as for ``--set``. They are rounded to three
+    digits of their range.
+    """
+    found = []
+    for key, (lower, start, upper) in ranges.items():
+        digits = max(0, 2 - math.floor(math.log10(upper - lower)))
+        found.append(Parameter(key, (SETTINGS, key), "", start, lower, upper, digits, False, None))
     return tuple(found)
 
 

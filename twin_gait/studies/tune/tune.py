@@ -2,31 +2,30 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
 
-from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import quantities
 from twin_gait.simulation.simulator import precompile
 from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
-from twin_gait.studies.tune.objective import Rating, nominal_cost, residuals
+from twin_gait.studies.tune.draws import HELD_OUT, draw_worlds
+from twin_gait.studies.tune.evolution import Evolution, rank_in_two_rounds
+from twin_gait.studies.tune.objective import FALL, Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.walks import (
     build_cases,
-    table_from_document,
+    candidate_table,
     table_performance,
     walker,
     weighted_cost,
-    with_table,
+    with_candidate,
 )
 from twin_gait.studies.workers import Workers
-from twin_gait.worlds.world import BELT_SPEED
 
 # Share of the time for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75
@@ -48,8 +47,18 @@ class TuningSettings(quantities.Parameters):
         thresholds: Whether angle thresholds are tuned.
         blending: Whether the duration of the blend is tuned.
         per_side: Whether each leg has numbers of its own (hemiparesis).
-        robust: Whether the table is also for other wearers, supports and belts, like a packaged table:
-            search and robust set then include ``corner_cases``.
+        robust: Whether the table is also for other wearers, supports, belts, drives and grounds, like a
+            packaged table: the search is then :mod:`twin_gait.studies.tune.evolution` over random worlds of
+            ``draws.yaml``, and the robust set consists of other random worlds.
+        population: Number of candidates of a generation of the robust search.
+        draws: Number of random worlds in which the better half of a generation walks.
+        held_out: Number of random worlds of the robust set, in which no candidate walked during the search.
+        spread: Standard deviation of the first candidates of the robust search in the unit cube of all
+            numbers.
+        scatter: Standard deviation by which the start of the robust search is moved away at random, with the
+            seed, to show that the search finds its table from elsewhere.
+        also: Numbers of the experiment that the robust search changes together with the table: least value,
+            start and largest value by key, as for ``--set``.
         search_duration: Duration of a walk in the search in [s].
         robust_duration: Duration of a walk of the robust set in [s].
     """
@@ -63,6 +72,12 @@ class TuningSettings(quantities.Parameters):
     blending: bool = True
     per_side: bool = False
     robust: bool = False
+    population: Annotated[int, quantities.integer_range(4, 1000, "an hour for a generation")] = 24
+    draws: Annotated[int, quantities.integer_range(1, 1000, "an hour for a generation")] = 8
+    held_out: Annotated[int, quantities.integer_range(1, 10_000, "a day of walking")] = 100
+    spread: Annotated[quantities.Ratio, quantities.POSITIVE] = 0.08
+    scatter: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    also: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     search_duration: quantities.Time = 14.0
     robust_duration: quantities.Time = 20.0
 
@@ -71,7 +86,7 @@ class TuningSettings(quantities.Parameters):
 class Finalist:
     """A table that walked the robust set."""
 
-    table: dict[str, Any]  # document of the table
+    table: dict[str, Any]  # document of the table, with the searched numbers of the experiment
     # coordinates of the searched numbers; None for the initial table
     points: Sequence[float] | None
     walks: Mapping[str, Rating]  # ratings by name of the case, nominal first
@@ -121,13 +136,24 @@ class Tuning:
         self._report, self._start_time = report, time.perf_counter()
         self.experiment = replace(experiment, seed=settings.seed)
         self._table = space.editable_document(experiment.table)
-        self.parameters = space.tunable_parameters(
+        table = space.tunable_parameters(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
+        others = space.experiment_parameters(settings.also)
+        if others:
+            self._table[space.SETTINGS] = {item.path[-1]: item.start for item in others}
+        self.parameters = (*table, *others)
         self.generations: list[Generation] = []
-        corners = build_cases(self.experiment, "corners") if settings.robust else {}
-        self.search_cases = build_cases(self.experiment, "search") | corners
-        self._robust_cases = build_cases(self.experiment, "robust") | self.search_cases
+        if settings.robust:
+            self.search_cases = self._draw(settings.draws, 0)
+            self._robust_cases = self._draw(settings.held_out, HELD_OUT)
+        else:
+            self.search_cases = build_cases(self.experiment, "search")
+            self._robust_cases = build_cases(self.experiment, "robust") | self.search_cases
+
+    def _draw(self, count: int, stream: int) -> dict[str, Experiment]:
+        """Return the nominal world and random worlds by names."""
+        return {"nominal": self.experiment} | draw_worlds(self.experiment, count, self.settings.seed, stream)
 
     def run(self, on_compile: Callable[[], None] | None) -> None:
         """Run all stages, unless ``should_stop`` returns True."""
@@ -135,7 +161,8 @@ class Tuning:
         self._report_stage("compiling")
         for walked in self._robust_cases.values():  # here, because otherwise every worker would compile
             precompile(walker(walked, duration=settings.search_duration), SEARCH_WALKS, on_compile)
-        for done, generation in enumerate(self._search()):
+        search = self._robust_search() if settings.robust else self._search()
+        for done, generation in enumerate(search):
             self.generations.append(generation)
             minutes = self._report_stage(f"search: generation {done + 1}")
             late = done > 0 and minutes > SEARCH_SHARE * settings.minutes  # at least one generation is run
@@ -154,19 +181,24 @@ class Tuning:
         return minutes
 
     def _walk(
-        self, tables: Sequence[GaitTable], cases: Iterable[Experiment], *, last: bool = False
+        self, candidates: Sequence[Mapping[str, Any]], cases: Iterable[Experiment], *, last: bool = False
     ) -> list[list[Rating]]:
-        """Simulate walks of each table in each case, of the search or if ``last`` of the robust set."""
+        """Simulate walks of each candidate in each case, of the search or if ``last`` of the robust set."""
         settings = self.settings
         duration = settings.robust_duration if last else settings.search_duration
         walked = [walker(case, duration=duration) for case in cases]
-        walks_to_run = [with_table(case, table) for table in tables for case in walked]
+        tables = [candidate_table(item) for item in candidates]
+        walks_to_run = [
+            with_candidate(case, item, table)
+            for item, table in zip(candidates, tables, strict=True)
+            for case in walked
+        ]
         results = walks.walk_all(walks_to_run, self._workers, should_stop=self._stop)
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
     def _search(self) -> Iterator[Generation]:
         """Walk the initial table, then generations until there is no more gain."""
-        (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
+        (ratings,) = self._walk([self._table], self.search_cases.values())
         point = [item.start_coordinate for item in self.parameters]
         descent = Descent(point, weighted_cost(ratings), residuals(ratings[0]))
         yield Generation(point, descent.cost, [table_performance(ratings)])
@@ -190,7 +222,7 @@ class Tuning:
         costs = {index: weighted_cost(ratings[index]) for index in raced}
         for index in sorted(costs, key=costs.__getitem__):
             better = costs[index] < descent.cost
-            if better and not walks.quick_errors(replace(self.experiment, table=tables[index])):
+            if better and not self._has_errors(tables[index]):
                 damping, point = candidates[index]
                 descent.accept_step(point, costs[index], residuals(ratings[index][0]), damping)
                 break
@@ -198,18 +230,57 @@ class Tuning:
             descent.reject_steps()
         return Generation(descent.point, descent.cost, [table_performance(item) for item in ratings])
 
-    def _table_at(self, point: Sequence[float]) -> GaitTable:
-        return table_from_document(space.apply_coordinates(self._table, self.parameters, point))
+    def _robust_search(self) -> Iterator[Generation]:
+        """Walk the start, then generations of candidates in worlds that are new in each generation."""
+        settings = self.settings
+        point = np.array([item.start_coordinate for item in self.parameters])
+        point += settings.scatter * np.random.default_rng(settings.seed).standard_normal(len(point))
+        search = Evolution(
+            np.clip(point, 0.0, 1.0).tolist(),
+            spread=settings.spread,
+            population=settings.population,
+            seed=settings.seed,
+        )
+        (ratings,) = self._walk([self._table_at(search.mean)], self.search_cases.values())
+        yield Generation(search.mean, weighted_cost(ratings), [table_performance(ratings)])
+        while True:
+            yield self._evolve(search)
+
+    def _evolve(self, search: Evolution) -> Generation:
+        """Walk one generation of the robust search; its cost is the one of its best candidate."""
+        first, *others = self._draw(self.settings.draws, search.generation + 1).values()
+        points = search.candidates()
+        tables = [self._table_at(point) for point in points]
+        ratings = self._walk(tables, [first])
+        nominal = [
+            FALL + nominal_cost(walk) if self._has_errors(table) else nominal_cost(walk)
+            for table, (walk,) in zip(tables, ratings, strict=True)
+        ]
+
+        def walk_others(chosen: list[int]) -> dict[int, float]:
+            for index, more in zip(chosen, self._walk([tables[at] for at in chosen], others), strict=True):
+                ratings[index] += more
+            surcharge = {at: nominal[at] - nominal_cost(ratings[at][0]) for at in chosen}
+            return {at: surcharge[at] + weighted_cost(ratings[at]) for at in chosen}
+
+        costs = rank_in_two_rounds(nominal, walk_others)
+        search.update(costs)
+        return Generation(search.mean, min(costs), [table_performance(item) for item in ratings])
+
+    def _has_errors(self, candidate: Mapping[str, Any]) -> bool:
+        return bool(walks.quick_errors(with_candidate(self.experiment, candidate)))
+
+    def _table_at(self, point: Sequence[float]) -> dict[str, Any]:
+        return space.apply_coordinates(self._table, self.parameters, point)
 
     def _finalists(self) -> list[Finalist]:
         """Walk the initial table, and points of the search, over the robust set."""
         chosen: list[tuple[dict[str, Any], list[float] | None]] = [(self._table, None)]
         for item in leaders(self.generations, FINALISTS):
-            table = space.apply_coordinates(self._table, self.parameters, item.point)
+            table = self._table_at(item.point)
             if all(table != other for other, _ in chosen):
                 chosen.append((table, item.point))
-        tables = [table_from_document(table) for table, _ in chosen]
-        results = self._walk(tables, self._robust_cases.values(), last=True)
+        results = self._walk([table for table, _ in chosen], self._robust_cases.values(), last=True)
         return [
             Finalist(table, point, dict(zip(self._robust_cases, ratings, strict=True)))
             for (table, point), ratings in zip(chosen, results, strict=True)
@@ -252,8 +323,6 @@ def tune(
         ParameterError: If there is nothing to tune, the settings are invalid or a walk cannot be simulated.
     """
     walking_wearer(experiment)
-    if settings.robust and not experiment.scenario.has_adjustments(BELT_SPEED):
-        raise ParameterError(f"{experiment.name}: has no belt; leave out --robust (other belts)")
     if settings.per_side:
         experiment = replace(experiment, table=space.split_sides(experiment.table))
     tuning = Tuning(experiment, settings, workers or Workers(), report, should_stop)

@@ -20,6 +20,7 @@ from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import identity, override_experiment, run_episodes, walking_wearer
 from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.studies.tune.objective import Rating, nominal_cost, rate_walk
+from twin_gait.studies.tune.space import SETTINGS
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 from twin_gait.yaml12 import load_data
@@ -32,12 +33,15 @@ LOG_COLUMNS = (
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # weight of the nominal case in the cost of a candidate; the other cases share the rest
+# Changes of a case that are no assignment of a single key.
+_CHANGES = ("mass_ratio", "friction_ratio", "gear_efficiency", "support_more", "belt_ratio")
 _CASES = load_data(Path(__file__).with_name("cases.yaml"))
 
 
-def table_from_document(document: Mapping[str, Any]) -> GaitTable:
-    """Return the gait table of a document of :func:`twin_gait.studies.tune.space.editable_document`."""
-    return gait_table_from_mapping(dict(document), "the tuning", str(document["name"]))
+def candidate_table(candidate: Mapping[str, Any]) -> GaitTable:
+    """Return the gait table of a candidate, a document of :mod:`twin_gait.studies.tune.space`."""
+    document = {key: value for key, value in candidate.items() if key != SETTINGS}
+    return gait_table_from_mapping(document, "the tuning", str(document["name"]))
 
 
 def walker(experiment: Experiment, *, duration: float) -> Experiment:
@@ -104,7 +108,14 @@ def build_cases(nominal: Experiment, kind: str) -> dict[str, Experiment]:
     cases = _CASES[kind].items()
     if not nominal.scenario.has_adjustments(BELT_SPEED):
         cases = [(name, changes) for name, changes in cases if "belt_ratio" not in changes]
-    return {name: reduce(_changed, changes.items(), nominal) for name, changes in cases}
+    return {name: apply_changes(nominal, changes) for name, changes in cases}
+
+
+def apply_changes(nominal: Experiment, changes: Mapping[str, Any]) -> Experiment:
+    """Apply changes by the keys that ``cases.yaml`` lists; all other keys are those of ``--set``."""
+    settings = {key: value for key, value in changes.items() if key not in _CHANGES}
+    others = [(key, value) for key, value in changes.items() if key in _CHANGES]
+    return reduce(_changed, others, override_experiment(nominal, settings) if settings else nominal)
 
 
 def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
@@ -124,8 +135,6 @@ def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
             scenario = scenario.replace_adjustment(SUPPORT_SHARE, share)
         case "belt_ratio":
             scenario = scenario.replace_adjustment(BELT_SPEED, value * walking.speed)
-        case key:
-            return override_experiment(walked, {key: value})
     return replace(walked, plant=plant, scenario=scenario)
 
 
@@ -146,6 +155,13 @@ def _with_true_mass(walked: Experiment, ratio: float) -> Experiment:
     return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
 
 
-def with_table(walked: Experiment, table: GaitTable) -> Experiment:
-    """Return a walk of a case with another table, scaled as in the case."""
-    return replace(walked, table=replace(table, scaling=walked.table.scaling))
+def with_candidate(
+    walked: Experiment, candidate: Mapping[str, Any], table: GaitTable | None = None
+) -> Experiment:
+    """Return a walk of a case with the table of a candidate, scaled as in the case, and with its settings.
+
+    ``table``: the table of the candidate, if it has been read already.
+    """
+    settings = candidate.get(SETTINGS)
+    table = replace(table or candidate_table(candidate), scaling=walked.table.scaling)
+    return replace(override_experiment(walked, settings) if settings else walked, table=table)
