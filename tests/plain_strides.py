@@ -218,6 +218,7 @@ def ground_values(
         "braking_impulse_Ns": TICK * sum(value for value in push[span] if value < 0),
         "propulsion_impulse_Ns": TICK * sum(value for value in push[span] if value > 0),
         "clearance_m": clearance[off + quarter : off + rest + 1].min(),
+        "landing_speed_m_per_s": (clearance[start - 1] - clearance[start]) / TICK,
         "slip_m": slip,
     }
 

@@ -113,6 +113,14 @@ def test_clearance_is_computed_over_the_counted_strides() -> None:
     assert measured(log)[Side.LEFT]["clearance_m"] == pytest.approx(0.016)
 
 
+def test_foot_speed_at_contact_is_the_slope_of_the_clearance() -> None:
+    log = walk_log()
+    log["left_foot_clearance_m"] = 0.02
+    strikes = log.index[(log.index >= 600) & ((log.index - 600) % STRIDE == 0)]
+    log.loc[strikes, "left_foot_clearance_m"] -= 0.25 * TICK
+    assert measured(log)[Side.LEFT]["landing_speed_m_per_s"] == pytest.approx(0.25)
+
+
 def test_slip_is_the_speed_at_which_the_friction_arises() -> None:
     left = measured(walk_log(slip=0.03))[Side.LEFT]
     assert left["slip_m"] == pytest.approx(0.03 * STANCE * TICK)

@@ -105,7 +105,7 @@ def test_the_summary_is_an_aggregate_of_the_table(folder: Path) -> None:
         means = {"stride_time_mean_s": "stride_time_s", "double_support_share": "double_support_share"}
         for name, column in means.items():
             assert leg[name] == pytest.approx(rows[column].mean(), rel=1e-12)
-        for name in ("step_length_m", "load_peak", "braking_impulse_Ns", "slip_m"):
+        for name in ("step_length_m", "load_peak", "braking_impulse_Ns", "slip_m", "landing_speed_m_per_s"):
             assert leg["walk"][name] == pytest.approx(rows[name].mean(), rel=1e-12)
         knee = leg["joints"]["knee"]
         for name in ("range_of_motion_deg", "power_peak_W", "positive_work_J_per_kg", "jerk_dimensionless"):

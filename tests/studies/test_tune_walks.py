@@ -58,7 +58,8 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
 
     Those of the ground's forces are made again here from the measures of the walk and the reference.
     """
-    values, sides = term_values(walk), list(summarise_run(walk)["sides"].values())
+    values, summary = term_values(walk), summarise_run(walk)
+    sides = list(summary["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
     pairs = [[side["swing_share"] for side in sides]]
     pairs += [[side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in ("hip", "knee")]
@@ -75,6 +76,12 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
         "stride_time_error_pct": 100.0
         * max(abs(side["stride_time_mean_s"] - healthy) for side in sides)
         / healthy,
+        "double_support_error_pct": 100.0
+        * max(abs(side["double_support_share"] - (0.462 - 0.152 / 0.54 * (speed - 0.39))) for side in sides),
+        "belt_power_W": abs(summary["power"]["belt_W"]),
+        "braking_peak_pct": 100.0 * max(-leg["braking_peak"] for leg in legs),
+        "slip_mm": 1e3 * max(leg["slip_m"] for leg in legs),
+        "landing_speed_m_per_s": max(leg["landing_speed_m_per_s"] for leg in legs),
         "load_peak_pct": 100.0 * max(leg["load_peak"] for leg in legs) - 100.0,
         "trough_pct": 100.0 - 100.0 * min(leg["min_midstance_load"] for leg in legs),
         "slow_loading_pct": 100.0 - 100.0 * min(leg["min_load"] for leg in legs),
@@ -103,6 +110,18 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
         "asymmetry_pct": 100.0 * max(abs(symmetry_index(*pair)) for pair in pairs),
     }
     assert all(value is not None and value >= 0.0 for value in values.values())
+
+
+def test_the_pitch_of_a_trunk_counts_only_if_it_moves(walk: Run) -> None:
+    """A sine of 4° has a root mean square of 2.83° over strides, whatever their number."""
+    assert "trunk_pitch_rms_deg" not in {part.name for part in rate_walk(walk).terms}
+    start, end = walk.leg_records()[0].strides()[0]
+    periods = (walk.log.index.to_numpy() - start) / (end - start)
+    pitch = np.radians(4.0) * np.sin(8.0 * np.pi * periods)
+    pitching = rate_walk(replace(walk, log=walk.log.assign(trunk_pitch_rad=pitch)))
+    assert "trunk_pitch_rms_deg" in {part.name for part in pitching.terms}
+    assert pitching.values["trunk_pitch_rms_deg"] == pytest.approx(4.0 / math.sqrt(2.0), rel=0.01)
+    assert pitching.cost > rate_walk(walk).cost
 
 
 def test_a_walk_counts_as_a_fall_according_to_its_outcome(walk: Run) -> None:

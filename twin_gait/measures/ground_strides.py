@@ -45,8 +45,15 @@ def ground_strides(
         "braking_impulse_Ns": leg.tick * strides.stride_sums(np.minimum(fore_aft, 0.0), bounds),
         "propulsion_impulse_Ns": leg.tick * strides.stride_sums(np.maximum(fore_aft, 0.0), bounds),
         "clearance_m": clearances,
+        "landing_speed_m_per_s": _landing_speeds(leg.clearance, bounds, leg.tick),
         "slip_m": leg.tick * strides.stride_sums(slip_speed(fore_aft, force, walkway, leg.loaded), bounds),
     }
+
+
+def _landing_speeds(clearance: np.ndarray, bounds: np.ndarray, tick: float) -> np.ndarray:
+    """Compute the speed in [m/s] at which the lowest point of the sole sinks at the start of each stride."""
+    strikes = np.maximum(bounds[:, 0], 1)
+    return np.asarray((clearance[strikes - 1] - clearance[strikes]) / tick)
 
 
 def ground_speeds(log: LogColumns, bounds: np.ndarray, tick: float) -> np.ndarray:

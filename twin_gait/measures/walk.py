@@ -79,7 +79,7 @@ def walk_measures(
         "cop_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_cop_ratio"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances[np.isfinite(clearances)], default=math.nan)),
-        "slip_m": mean(each["slip_m"]),
+        **{name: mean(each[name]) for name in ("landing_speed_m_per_s", "slip_m")},
         **_swing(force, entries[strides.is_in_stride(entries, bounds)], bounds),
         "belt_power_W": -mean_over_strides(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),

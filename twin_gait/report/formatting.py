@@ -67,7 +67,8 @@ def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _measures(leg: Mapping[str, Any]) -> dict[str, float | None]:
-    found = {"stride_time_s": leg["stride_time_mean_s"], **leg["walk"]}
+    both = leg.get("double_support_share")
+    found = {"stride_time_s": leg["stride_time_mean_s"], "double_support_share": both, **leg["walk"]}
     for joint, parts in leg.get("errors", {}).items():
         found |= {f"{joint}_error_{part}": value for part, value in parts.items()}
     return found

@@ -93,8 +93,8 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
     """Return the measures of the reference walk, named as in :func:`twin_gait.measures.walk.walk_measures`.
 
     Angles and time are from Koopman et al. (2014) or from the measured gait of the experiment, forces from
-    Winter (1991). In steady walking the mean fore-aft force and the power of the belt are zero. Measures
-    without a reference are left out.
+    Winter (1991), double support from two published means. In steady walking the mean fore-aft force and the
+    power of the belt are zero. Measures without a reference are left out.
     """
     walk, measured, found = _reference_walk(experiment), experiment.reference, dict[str, float]()
     time = (
@@ -104,6 +104,8 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
         found |= {"stride_time_s": time, "cadence_per_min": cadence(np.array([time]))}
     if walk is not None and measured is None:
         found["step_length_m"] = 0.5 * walk[0] * found["stride_time_s"]
+    if walk is not None:
+        found["double_support_share"] = reference.reference_double_support(walk[0])
     force = reference_ground_force(experiment)
     if force is not None:
         found["load_peak"] = float(force.vertical.max())

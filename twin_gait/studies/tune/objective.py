@@ -12,7 +12,7 @@ with value x, goal g and weight w of each part. A fall after a share s of the ti
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.files import finite_or_none
+from twin_gait.measures.crutches import TRUNK_PITCH
 from twin_gait.measures.effort import root_mean_square, share_of_ticks
-from twin_gait.measures.strides import finite_mean, normalise_strides, symmetry_index
+from twin_gait.measures.strides import finite_mean, normalise_strides, symmetry_index, values_in_strides
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
@@ -56,19 +57,20 @@ ERRORS = {
     for joint, row in _ROWS["errors"].items()
 }
 _CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
-_OTHERS, _FREE = (
-    [ObjectiveTerm(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk")
+_OTHERS, _OPTIONAL = (
+    [ObjectiveTerm(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "moving_trunk")
 )
 
 
-def objective_terms(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[ObjectiveTerm, ...]:
+def objective_terms(joints: Sequence[str], values: Collection[str] = ()) -> tuple[ObjectiveTerm, ...]:
     """Return the parts of the objective: first the errors of the joints that the table drives, in its order.
 
-    An ankle that the table does not drive has a small weight.
+    An ankle that the table does not drive has a small weight. ``values``: names of the parts that a walk has;
+    those of a trunk that moves are left out if they are not among them.
     """
     errors = (ERRORS[JointName(joint)] for joint in joints)
     carried = () if JointName.ANKLE in joints else (_CARRIED_ANKLE,)
-    return (*errors, *_OTHERS, *carried, *(_FREE if free_trunk else ()))
+    return (*errors, *_OTHERS, *carried, *(part for part in _OPTIONAL if part.name in values))
 
 
 def term_values(run: Run) -> dict[str, float | None]:
@@ -82,8 +84,13 @@ def term_values(run: Run) -> dict[str, float | None]:
     values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
     assert run.walkway is not None  # a tuned walk is on the ground
     dragged = sum(walk["fore_aft_force_N"] for walk in walks.values()) / run.walkway.carried_weight
-    values |= {"fore_aft_pct": 100.0 * abs(dragged), "asymmetry_pct": _asymmetry(legs, contacts)}
-    return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
+    values |= {
+        "fore_aft_pct": 100.0 * abs(dragged),
+        "belt_power_W": abs(sum(walk["belt_power_W"] for walk in walks.values())),
+        "asymmetry_pct": _asymmetry(legs, contacts),
+        **_trunk_values(run, legs[0].strides),
+    }
+    return {name: finite_or_none(value) for name, value in values.items()}
 
 
 def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str, float]) -> dict[str, float]:
@@ -104,9 +111,12 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         "knee_at_contact_deg": walk["knee_at_contact_deg"],
         "yield_lack_deg": healthy["knee_yield_deg"] - walk["knee_yield_deg"],
         "stride_time_error_pct": 100.0 * abs(contact["stride_time_mean_s"] / healthy["stride_time_s"] - 1.0),
+        "double_support_error_pct": 100.0
+        * abs(contact["double_support_share"] - healthy["double_support_share"]),
         "load_peak_pct": 100.0 * (walk["load_peak"] - 1.0),
         "trough_pct": 100.0 * (1.0 - walk["min_midstance_load"]),
         "slow_loading_pct": 100.0 * (1.0 - walk["min_load"]),
+        "braking_peak_pct": -100.0 * walk["braking_peak"],
         "propulsion_lack_pct": 100.0 * (1.0 - walk["propulsion_peak"] / healthy["propulsion_peak"]),
         "stride_variation_pct": 100.0 * contact["stride_time_variation"],
         # Repeated contacts of a foot just after landing; further contacts in swing are scuffs.
@@ -116,6 +126,8 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         "saturated_pct": 100.0 * float(np.max([0.0, *limits])),
         "torque_change_Nm": float(np.max([0.0, *(item["switch_torque_change_Nm"] for item in switches)])),
         "torque_jump_Nm": float(np.max([0.0, *(item["switch_torque_jump_Nm"] for item in switches)])),
+        "slip_mm": 1e3 * walk["slip_m"],
+        "landing_speed_m_per_s": walk["landing_speed_m_per_s"],
         "clearance_lack_mm": NEEDED_CLEARANCE - 1e3 * contact["toe_clearance_min_m"],
     }
 
@@ -134,12 +146,18 @@ def _range_of_motion(leg: MeasuredLeg, joint: JointName) -> float:
     return finite_mean(leg.motion(leg.record.angles[joint])["range_of_motion_deg"])
 
 
-def _free_trunk_values(run: Run) -> dict[str, float]:
-    """Compute the parts of distance and crutches; none if the pelvis is guided."""
-    walking = run.experiment.scenario.walking
+def _trunk_values(run: Run, bounds: np.ndarray) -> dict[str, float]:
+    """Compute the parts of a trunk that moves: pitch, or distance and crutches if the pelvis is free.
+
+    ``bounds``: strides in which the pitch counts. Returns no part for a trunk that does not pitch.
+    """
+    log, walking = run.columns, run.experiment.scenario.walking
     if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
-        return {}
-    log, names = run.columns, [f"{side}_crutch_normal_force_N" for side in run.sides]
+        if TRUNK_PITCH not in log:
+            return {}
+        pitch = values_in_strides(np.asarray(log[TRUNK_PITCH]), bounds)
+        return {"trunk_pitch_rms_deg": math.degrees(root_mean_square(pitch))}
+    names = [f"{side}_crutch_normal_force_N" for side in run.sides]
     way = np.asarray(log["pelvis_forward_m"])
     speed = float(way[-1] - way[0]) / run.duration
     shares = [float(np.asarray(log[name]).mean()) / run.body_weight for name in names if name in log]
@@ -165,7 +183,7 @@ class Rating(NamedTuple):
     @property
     def terms(self) -> tuple[ObjectiveTerm, ...]:
         """Parts of the objective for this walk."""
-        return objective_terms(self.joints, free_trunk=_FREE[0].name in self.values)
+        return objective_terms(self.joints, self.values)
 
 
 def rate_walk(run: Run) -> Rating:
@@ -198,7 +216,7 @@ def walk_cost(
 def term_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Compute the cost of each part; its weight if it is not defined."""
     costs = {}
-    for part in objective_terms(joints, free_trunk=_FREE[0].name in values):
+    for part in objective_terms(joints, values):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio
