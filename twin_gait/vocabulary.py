@@ -78,11 +78,23 @@ class SegmentModel(StrEnum):
 
 
 class PelvisGuide(StrEnum):
-    """Guide of the pelvis: fixed, free to move vertically, also fore-aft, or free with pitch."""
+    """Guide of the pelvis: fixed, or free to move vertically, fore-aft in a harness, and with pitch.
+
+    The pelvis pitches in straps (``STRAPS``), or freely with a trunk that only the wearer balances.
+    """
 
     FIXED = "fixed"
     VERTICAL = "vertical"
     HARNESS = "harness"
+    STRAPS = "straps"
+    FREE = "free"
+
+
+class PelvisPitch(StrEnum):
+    """Pitch of a pelvis in a harness: locked, held by two straps, or free under one rope."""
+
+    LOCKED = "locked"
+    SOFT = "soft"
     FREE = "free"
 
 

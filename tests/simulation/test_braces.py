@@ -128,8 +128,8 @@ def test_two_inertias_oscillate_as_the_closed_form_predicts():
 
 
 def test_the_braces_pull_a_lagging_wearer():
-    assert brace_torque(Brace(50.0, 0.0), 0.2, 0.0, 0.1, 0.0) == pytest.approx(5.0)
-    assert brace_torque(Brace(0.0, 2.0), 0.0, 1.0, 0.0, 3.0) == pytest.approx(-4.0)
+    assert brace_torque(Brace(50.0, 0.0), 0.1, 0.0) == pytest.approx(5.0)
+    assert brace_torque(Brace(0.0, 2.0), 0.0, -2.0) == pytest.approx(-4.0)
 
 
 def test_error_against_the_rigid_leg_is_inversely_proportional_to_brace_stiffness():

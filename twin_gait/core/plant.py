@@ -112,16 +112,17 @@ class Brace:
     stiffness: float  # K in [N·m/rad] or [N/m].
     damping: float  # B in [N·m·s/rad] or [N·s/m].
     torque: float = 0.0  # Last torque of the device on the wearer in [N·m] or [N].
+    # Share of the pitch of the pelvis that is subtracted from the coordinate: 1 for a cuff on the thigh,
+    # because the elevation of the thigh is hip flexion minus pitch.
+    pitch_share: float = 0.0
 
 
-def brace_torque(
-    brace: Brace, device: float, device_velocity: float, wearer: float, wearer_velocity: float
-) -> float:
+def brace_torque(brace: Brace, apart: float, speed: float) -> float:
     r"""Compute the torque or force of a brace on the wearer.
 
     :math:`\tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)` in [N·m] or [N]; the opposite acts on the device.
     """
-    return brace.stiffness * (device - wearer) + brace.damping * (device_velocity - wearer_velocity)
+    return brace.stiffness * apart + brace.damping * speed
 
 
 @dataclass(slots=True)
@@ -156,13 +157,37 @@ def imposed_motion_torque(motion: ImposedMotion, time: float, angle: float, velo
 
 @dataclass(slots=True)
 class Harness:
-    """Rope from a rail to the trunk; a trolley on the rail follows, so that the rope stays vertical."""
+    r"""Rope from a rail to the trunk; a trolley on the rail follows, so that the rope stays vertical.
+
+    The rope may carry a level bar with two vertical straps, in front of and behind the trunk. They are fixed
+    at :math:`(\pm a, h)` in the axes of the trunk, relative to the hips. Each has the stiffness k and the
+    damping b, carries half of the force F of the rope while the trunk is upright, and only pulls. With the
+    pitch θ the attachments differ in height by :math:`2 a \sin\theta`, and the tensions by
+
+    .. math::
+
+        D = \max(-F, \min(F, 2 a\,(k \sin\theta + b\,\dot\theta \cos\theta)))
+
+    At :math:`|D| = F` one strap is slack. Rope and straps have the pitching moment
+
+    .. math::
+
+        M = -F h \sin\theta - D a \cos\theta
+
+    about the hips. For a constant F and b = 0 it is the negative derivative of the potential
+    :math:`-F h \cos\theta + W`, where :math:`W = k a^2 \sin^2\theta` while both straps are
+    taut, and :math:`W = F a |\sin\theta| - F^2 / 4 k` otherwise. The rope moves with the mean height of the
+    attachments; the common stretch of the straps is neglected.
+    """
 
     height: float  # Height of the attachment above the hips, along the trunk, in [m].
     force: float  # Force of the body-weight support in [N].
     damping: float  # Damping of the winch of the rope in [N·s/m].
     stop: MechanicalStop = field(default_factory=MechanicalStop)  # Lower stop that locks at a trip.
     pull: float = 0.0  # Last upward force on the trunk in [N].
+    lever: float = 0.0  # Distance a of each strap from the axis of the trunk in [m]; 0 without straps.
+    strap_stiffness: float = 0.0  # Stiffness k of a strap in [N/m].
+    strap_damping: float = 0.0  # Damping b of a strap in [N·s/m].
 
 
 @dataclass(slots=True)
@@ -196,6 +221,17 @@ def harness_pull(harness: Harness, height: float, speed: float) -> float:
     locked = mechanical_stop_torque(height, speed, stop.lower, stop.upper, stop.stiffness, stop.dissipation)
     harness.pull = harness.force - harness.damping * speed + locked
     return harness.pull
+
+
+def strap_moment(harness: Harness, sine: float, cosine: float, rate: float) -> float:
+    """Compute the pitching moment in [N·m] of the unequal tensions of the straps, from the last pull.
+
+    ``sine`` and ``cosine`` of the pitch; ``rate``: its rate in [rad/s].
+    """
+    stretch, limit = harness.lever * sine, max(harness.pull, 0.0)
+    speed = harness.lever * cosine * rate
+    apart = 2.0 * (harness.strap_stiffness * stretch + harness.strap_damping * speed)
+    return -harness.lever * cosine * max(-limit, min(limit, apart))
 
 
 @dataclass(slots=True)

@@ -237,7 +237,7 @@ class Experiment(Parameters):
             return
         if self.patient is None:
             raise ParameterError("own_gait: expected null without a patient, who would walk")
-        guided = self.scenario.pelvis in (PelvisGuide.VERTICAL, PelvisGuide.HARNESS)
+        guided = self.scenario.pelvis in (PelvisGuide.VERTICAL, PelvisGuide.HARNESS, PelvisGuide.STRAPS)
         require(
             guided,
             "own_gait",

@@ -184,7 +184,8 @@ def _variables(unit: FmuUnit, setup: SimulationSetup, state: Episode) -> Iterato
     text = f"Status of the walk: {ends}."
     yield from unit.variable("status", "unit.episode.status", "output", description=text)
     yield from unit.variable("belt_speed", "unit.episode.belt.cruise", "parameter")
-    if pelvis is not None:  # the support acts on the wearer's pelvis
-        path = f"unit.episode.plant[{pelvis + setup.world.wearer_offset}].spring.force"
+    if pelvis is not None:  # the support acts on the wearer's pelvis, or on the trunk
+        guide = f"plant[{pelvis + setup.world.wearer_offset}].spring"
+        path = f"unit.episode.{guide if setup.world.trunk is None else 'trunk.harness'}.force"
         more = {"unit": "N", "description": "Force of the body-weight support in [N]."}
         yield from unit.variable("support_force", path, "parameter", **more)

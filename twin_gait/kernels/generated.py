@@ -33,8 +33,8 @@ from twin_gait.kernels.tracing import (
 from twin_gait.leg_model.bodies import BodyArrays
 
 # Largest number of joints of a model. The function ``dynamics`` alone compiles in 0.5 s for 2 joints, 14 s
-# for 16 and 100 s for 32. Two legs with ankles on a pelvis in a harness have 8 joints, in braces 16.
-STRAIGHT_LINE_LIMIT = 16
+# for 16 and 100 s for 32. Two legs with ankles on a pelvis that pitches have 9 joints, in braces 18.
+STRAIGHT_LINE_LIMIT = 18
 
 POINT_FIELDS = tuple(item.name for item in fields(ContactState))
 

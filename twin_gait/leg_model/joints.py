@@ -25,6 +25,7 @@ GUIDES = {
     PelvisGuide.FIXED: (),
     PelvisGuide.VERTICAL: (PELVIS_JOINT,),
     PelvisGuide.HARNESS: (FORWARD_JOINT, PELVIS_JOINT),
+    PelvisGuide.STRAPS: ALL_GUIDES,
     PelvisGuide.FREE: ALL_GUIDES,
 }
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, PelvisPitch, Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +106,10 @@ class AnkleParameters(quantities.Parameters):
     sides: tuple[Side, ...] = ()
 
 
+ATTACHMENTS = quantities.Range(0.0, 0.4)
+STRAPS = quantities.Range(0.0, 1e6, reason="a metre of polyester webbing has 1e5 N/m")
+
+
 @dataclass(frozen=True, kw_only=True)
 class SupportParameters(quantities.Parameters):
     """Body-weight support and guide of the treadmill.
@@ -117,12 +121,18 @@ class SupportParameters(quantities.Parameters):
     Attributes:
         share: Share of the weight of wearer and device that the support carries.
         damping: Damping of the vertical guide in [N·s/m].
-        guide: Whether the pelvis is guided vertically, or a harness lets it move fore-aft as well; neither
-            lets it pitch.
+        guide: Whether the pelvis is guided vertically, or a harness lets it move fore-aft as well.
+        pitch: Pitch of a pelvis in a harness, see :class:`twin_gait.core.plant.Harness`: locked by the guide;
+            soft, held by two straps in front of and behind the trunk; or free under one rope at its axis.
         forward_stiffness: Fore-aft stiffness of the harness in [N/m]; tethers let a pelvis move by some
             centimetres (an assumption).
         forward_damping: Fore-aft damping of the harness in [N·s/m]; about 0.4 of critical under 90 kg (an
             assumption).
+        height: Height of the attachments of rope or straps above the hips, along the trunk, divided by the
+            height of the wearer; it is read if the pelvis pitches, as are the next three.
+        strap_lever: Distance in [m] of each strap from the axis of the trunk.
+        strap_stiffness: Stiffness in [N/m] of each strap.
+        strap_damping: Damping in [N·s/m] of each strap.
         lock_stiffness: Stiffness of the locked harness in [N/m]; 0 for one that does not lock. About a
             metre of rope that stretches by 5 % under 100 kg, the maximum that EN 1891 allows for a
             low-stretch rope.
@@ -134,6 +144,11 @@ class SupportParameters(quantities.Parameters):
     guide: PelvisGuide = PelvisGuide.HARNESS
     forward_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 1500.0
     forward_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 300.0
+    pitch: PelvisPitch = PelvisPitch.LOCKED
+    height: Annotated[quantities.Ratio, ATTACHMENTS] = 0.25
+    strap_lever: Annotated[quantities.Length, quantities.Range(0.0, 0.5)] = 0.1
+    strap_stiffness: Annotated[quantities.LinearStiffness, STRAPS] = 10.0e3
+    strap_damping: Annotated[quantities.LinearDamping, quantities.Range(0.0, 1e4)] = 300.0
     lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
     lock_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
@@ -142,6 +157,18 @@ class SupportParameters(quantities.Parameters):
         super().__post_init__()
         moving = self.guide in (PelvisGuide.VERTICAL, PelvisGuide.HARNESS)
         require(moving, "guide", "vertical or harness (a free trunk walks overground)", str(self.guide))
+        pitches = self.pitch is PelvisPitch.LOCKED or self.guide is PelvisGuide.HARNESS
+        require(pitches, "pitch", "locked in a vertical guide, or set guide to harness", str(self.pitch))
+
+    @property
+    def pelvis(self) -> PelvisGuide:
+        """Guide of the pelvis, with its pitch."""
+        return self.guide if self.pitch is PelvisPitch.LOCKED else PelvisGuide.STRAPS
+
+    @property
+    def lever(self) -> float:
+        """Distance of each strap from the axis of the trunk in [m]; 0 without straps."""
+        return self.strap_lever if self.pitch is PelvisPitch.SOFT else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,13 +207,16 @@ class BraceParameters(quantities.Parameters):
     damping, and the foot three quarters.
 
     Attributes:
-        pelvis: Brace between the waist of the device and the pelvis, vertical.
+        pelvis: Brace between the waist of the device and the pelvis, vertical and fore-aft.
+        trunk: Brace between the waist of the device and a pelvis that pitches: a belt of 10 kN/m at 0.25 m
+            above the hips.
         hip: Brace of each hip.
         knee: Brace of each knee.
         ankle: Brace of each ankle.
     """
 
     pelvis: SlidingSpringDamper = SlidingSpringDamper(stiffness=20e3, damping=400.0)
+    trunk: SpringDamper = SpringDamper(stiffness=600.0, damping=45.0)
     hip: SpringDamper = SpringDamper(stiffness=600.0, damping=20.0)
     knee: SpringDamper = SpringDamper(stiffness=400.0, damping=8.0)
     ankle: SpringDamper = SpringDamper(stiffness=1000.0, damping=3.0)

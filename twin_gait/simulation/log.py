@@ -100,7 +100,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
     names = {
         model.pelvis_index: (f"{prefix}pelvis_height_m", f"{prefix}pelvis_velocity_m_per_s"),
         model.forward_index: (f"{prefix}pelvis_forward_m", f"{prefix}pelvis_forward_velocity_m_per_s"),
-        model.pitch_index: ("trunk_pitch_rad", "trunk_pitch_velocity_rad_per_s"),
+        model.pitch_index: (f"{prefix}trunk_pitch_rad", f"{prefix}trunk_pitch_velocity_rad_per_s"),
     }
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
@@ -183,6 +183,7 @@ def log_layout(setup: SimulationSetup) -> LogLayout:
         ([*joints, *passive] * braced, "brace"),
         (single * (braced and pelvis), "pelvis_brace"),
         (single * (braced and forward), "forward_brace"),
+        (single * (braced and pitch), "trunk_brace"),
         (single * (setup.experiment.modes is not None), "supervisor"),
     )
     groups = []

@@ -128,7 +128,7 @@ def compute_status(e: Episode) -> int:
     status = COMPLETED
     if PELVIS_INDEX >= 0 and e.q[PELVIS_INDEX + WEARER_OFFSET] < e.fall_height:
         status = FELL
-    if PITCH_INDEX >= 0 and abs(e.q[PITCH_INDEX]) > e.fall_pitch:
+    if PITCH_INDEX >= 0 and abs(e.q[PITCH_INDEX + WEARER_OFFSET]) > e.fall_pitch:
         status = TIPPED
     if N_CRUTCHES > 0:
         for number in range(N_CRUTCHES):

@@ -104,7 +104,7 @@ def numbers_of(setup: SimulationSetup) -> dict[str, Any]:
         "target_torque": [torques.get(item.joint, 0.0) for item in setup.joints],
         "belt_speed": float(world.belt.cruise),
         # None without a pelvis in a body-weight support.
-        "support_force": None if pelvis is None else world.plant[pelvis + world.wearer_offset].spring.force,
+        "support_force": None if pelvis is None else world.support(pelvis).force,
         "held_phase": None,  # phase that a leg leaves only when it is released
         "watching": True,  # whether the safety monitor checks the timeout of a phase
     }

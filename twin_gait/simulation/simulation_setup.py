@@ -24,7 +24,7 @@ from twin_gait.parameters.quantities import require
 from twin_gait.parameters.wearer import JointCondition, Patient
 from twin_gait.simulation.episode import Limb
 from twin_gait.simulation.wearer import limbs_of
-from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import World
 
 NEVER = int(np.iinfo(np.int64).max)  # Tick that is never reached.
@@ -109,7 +109,7 @@ class SimulationSetup:
     @property
     def inertial(self) -> bool:
         """Whether an inertial unit estimates the pitch of the trunk; otherwise it is measured exactly."""
-        return self.experiment.scenario.pelvis is PelvisGuide.FREE and not self.experiment.sensors.ideal
+        return self.world.model.pitch_index is not None and not self.experiment.sensors.ideal
 
     @property
     def sides(self) -> tuple[Side, ...]:

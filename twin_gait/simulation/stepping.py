@@ -99,7 +99,9 @@ class SteppedRun:
             "target_torque": joints["target"],
             "belt_speed": self.engine.store["belt"]["cruise"],
         }
-        if model.pelvis_index is not None:  # the support acts on the wearer's pelvis
+        if self.setup.world.trunk is not None:
+            found["support_force"] = self.engine.store["trunk"]["harness"]["force"]
+        elif model.pelvis_index is not None:  # the support acts on the wearer's pelvis
             pelvis = model.pelvis_index + self.setup.world.wearer_offset
             found["support_force"] = self._episode["plant"]["spring"]["force"][pelvis : pelvis + 1]
         return found

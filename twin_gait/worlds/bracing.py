@@ -24,7 +24,7 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
     with the wearer. Both start in the posture of the world.
     """
     of_wearer, of_device = [Plant() for _ in world.plant], list(world.plant)
-    for pelvis in (world.model.pelvis_index, world.model.forward_index):
+    for pelvis in (world.model.pelvis_index, world.model.forward_index, world.model.pitch_index):
         if pelvis is not None:
             of_device[pelvis], of_wearer[pelvis] = of_wearer[pelvis], of_device[pelvis]
     return replace(
@@ -39,9 +39,14 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
 def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
     # Coordinates that are not joints have the brace of the pelvis.
     braces = [from_attributes(Brace, parameters.pelvis) for _ in range(model.nv)]
+    pitches = model.pitch_index is not None
+    if model.pitch_index is not None:
+        braces[model.pitch_index] = from_attributes(Brace, parameters.trunk)
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
-            braces[model.index(side, joint)] = from_attributes(Brace, parameters.joint_brace(joint))
+            share = 1.0 if pitches and joint is JointName.HIP else 0.0
+            brace = from_attributes(Brace, parameters.joint_brace(joint), pitch_share=share)
+            braces[model.index(side, joint)] = brace
     return tuple(braces)
 
 
@@ -94,8 +99,11 @@ def _linear(world: World, q: np.ndarray) -> np.ndarray:
     damping = np.diag([_damping(plant) for plant in world.plant])
     if world.braces is not None:
         coupling, braces = np.array([[1.0, -1.0], [-1.0, 1.0]]), world.braces.braces
-        stiffness += np.kron(coupling, np.diag([brace.stiffness for brace in braces]))
-        damping += np.kron(coupling, np.diag([brace.damping for brace in braces]))
+        apart = np.eye(len(braces))  # changes of the braces with the coordinates
+        if world.model.pitch_index is not None:
+            apart[:, world.model.pitch_index] -= [brace.pitch_share for brace in braces]
+        stiffness += np.kron(coupling, apart.T @ np.diag([brace.stiffness for brace in braces]) @ apart)
+        damping += np.kron(coupling, apart.T @ np.diag([brace.damping for brace in braces]) @ apart)
     accelerations = -np.linalg.solve(inertia, np.hstack((stiffness, damping)))
     return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(n))), accelerations))
 

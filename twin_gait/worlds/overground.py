@@ -16,11 +16,13 @@ from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters import quantities
 from twin_gait.parameters.crutches import LEAN_ANGLES, ArmParameters, CrutchParameters
-from twin_gait.parameters.environment import ChairParameters, ContactParameters
+from twin_gait.parameters.environment import ATTACHMENTS, ChairParameters, ContactParameters
 from twin_gait.vocabulary import Environment, PelvisGuide, Side
 from twin_gait.worlds.arm_policy import SITTING, new_perception, new_policy, plant_crutch
 from twin_gait.worlds.standing import (
+    FALL_LEAN,
     FALL_SHARE,
+    FallLean,
     FallShare,
     SeatedBalance,
     SplitStance,
@@ -49,7 +51,7 @@ class HarnessParameters(quantities.Parameters):
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
-    height: Annotated[quantities.Ratio, quantities.Range(0.0, 0.4)] = 0.25
+    height: Annotated[quantities.Ratio, ATTACHMENTS] = 0.25
     damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 0.0
     lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 0.0
     lock_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
@@ -98,9 +100,7 @@ class Overground(SplitStance):
     crutch_ahead: Annotated[Mapping[Side, quantities.Length], quantities.UnitInKeys()] = field(
         default_factory=lambda: {Side.LEFT: 0.35, Side.RIGHT: 0.3}
     )
-    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, exclusive_minimum=True)] = (
-        math.radians(60.0)
-    )
+    fall_lean: FallLean = FALL_LEAN
     fall_height_share: FallShare = FALL_SHARE
     leading: Side = Side.LEFT
     leading_angles: Annotated[Posture, quantities.Key("leading_start")] = posture_field(26.0, 8.0)

@@ -18,13 +18,16 @@ from twin_gait.core.plant import (
 )
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.environment import ChairParameters, ContactParameters
-from twin_gait.parameters.quantities import SHARE, Ratio, from_attributes, require
+from twin_gait.parameters.quantities import SHARE, Angle, Range, Ratio, from_attributes, require
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Posture, Scenario, World
 
 # Share of the height of the pelvis at the start, below which the wearer has fallen.
 FALL_SHARE = 0.75
 FallShare: TypeAlias = Annotated[Ratio, SHARE]
+# Lean of the trunk in [rad], in either direction, beyond which the wearer has fallen.
+FALL_LEAN = math.radians(60.0)
+FallLean: TypeAlias = Annotated[Angle, Range(0.0, math.pi, exclusive_minimum=True)]
 # Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N·m].
 MOST_ROUNDS, LARGEST_STEP, DIFFERENCE, BALANCED = 60, 0.02, 1e-7, 1e-6
 # Most steps of the method of false position, its remainder in [m], and half the width of its bracket in

@@ -1,4 +1,4 @@
-"""Both legs on a treadmill with body-weight support, the pelvis guided vertically or in a soft harness."""
+"""Both legs on a treadmill with body-weight support, the pelvis guided vertically or in a harness."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,12 +6,23 @@ from functools import cached_property
 from typing import Annotated, ClassVar
 
 from twin_gait.core.belt import Belt
-from twin_gait.core.plant import Plant
+from twin_gait.core.plant import Harness, Plant, Trunk
+from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
 from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.crutches import LEAN_ANGLES
 from twin_gait.parameters.environment import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, from_attributes
-from twin_gait.vocabulary import Environment, PelvisGuide, Side
-from twin_gait.worlds.standing import FALL_SHARE, FallShare, SplitStance, level_feet
+from twin_gait.parameters.quantities import (
+    KM_PER_H,
+    Angle,
+    Key,
+    Range,
+    Speed,
+    Time,
+    from_attributes,
+    require,
+)
+from twin_gait.vocabulary import Environment, PelvisGuide, PelvisPitch, Side
+from twin_gait.worlds.standing import FALL_LEAN, FALL_SHARE, FallLean, FallShare, SplitStance, level_feet
 from twin_gait.worlds.world import (
     BELT_SPEED,
     Adjustment,
@@ -43,8 +54,9 @@ BELT_RANGE = (0.5, 1.5)  # range of adjustment relative to the present speed; ta
 class Treadmill(SplitStance):
     """Treadmill with body-weight support.
 
-    The pelvis moves vertically, and in a harness fore-aft against a spring and a damper. Guide or harness
-    take up the horizontal force and the pitching moment, which the log contains.
+    The pelvis moves vertically, and in a harness fore-aft against a spring and a damper. It may pitch in the
+    straps of the harness. Guide or harness take up the horizontal force and the pitching moment, which the
+    log contains.
 
     Attributes:
         belt_speed: Speed of the belt in [m/s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
@@ -56,6 +68,8 @@ class Treadmill(SplitStance):
             downhill. Gravity, guide and support stay vertical.
         support: Body-weight support and guide.
         contact: Contact parameters of heels and toes.
+        lean: Lean of the trunk at the start in [rad], forwards positive; 0 if the pitch is locked.
+        fall_lean: Lean of the trunk in [rad], in either direction, beyond which the wearer has fallen.
         fall_height_share: Share of the height of the pelvis at the start, below which the wearer has fallen
             and the run ends. A lower one lets a descent continue to the ground.
         leading: Leg that starts in front.
@@ -75,6 +89,8 @@ class Treadmill(SplitStance):
     slope: Annotated[Angle, SLOPES] = 0.0
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
+    lean: Annotated[Angle, LEAN_ANGLES] = 0.0
+    fall_lean: FallLean = FALL_LEAN
     fall_height_share: FallShare = FALL_SHARE
     leading: Side = Side.LEFT
     # Posture between two steps of the default walk; both feet reach the belt, and the first swings clear it.
@@ -82,6 +98,12 @@ class Treadmill(SplitStance):
     trailing_angles: Annotated[Posture, Key("trailing_start")] = posture_field(-8.0, 11.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that a trunk that leans may pitch."""
+        super().__post_init__()
+        upright = self.lean == 0.0 or self.support.pitch is not PelvisPitch.LOCKED
+        require(upright, "lean", "0 while support.pitch is locked", self.lean)
 
     @property
     def step(self) -> float:
@@ -100,7 +122,7 @@ class Treadmill(SplitStance):
     @property
     def pelvis(self) -> PelvisGuide:
         """Guide of the pelvis."""
-        return self.support.guide
+        return self.support.pelvis
 
     @cached_property  # a summary reads it about ten times
     def walking(self) -> Walking:
@@ -138,13 +160,22 @@ class Treadmill(SplitStance):
         self.require_feet(model, "a treadmill")
         ropes, pelvis, weight = self.support, model.pelvis_index, model.total_mass * gravity
         assert pelvis is not None  # the pelvis of this scenario moves
-        plant[pelvis].spring.damping, plant[pelvis].spring.force = ropes.damping, ropes.share * weight
+        trunk, force = None, ropes.share * weight
+        if model.pitch_index is None:
+            plant[pelvis].spring.damping, plant[pelvis].spring.force = ropes.damping, force
+        else:
+            tall = 0.0 if model.patient is None else model.patient.height
+            rope = from_attributes(Harness, ropes, height=ropes.height * tall, force=force, lever=ropes.lever)
+            trunk = Trunk(SHOULDER_HEIGHT * tall, rope)
         if model.forward_index is not None:
             harness = plant[model.forward_index].spring
             harness.stiffness, harness.damping = ropes.forward_stiffness, ropes.forward_damping
         q = start_posture(model, self.postures(self.slope), ankle_rest)
+        if model.pitch_index is not None:
+            q[model.pitch_index] = self.lean
         q[pelvis] = level_feet(model, q, math.tan(self.slope))
         more = {"belt": self._belt(), "slope": self.slope, "fall_height": self.fall_height_share * q[pelvis]}
+        more |= {"fall_pitch": self.fall_lean, "trunk": trunk}
         return self.build_standing_world(model, plant, q, ropes, weight, **more)
 
 

@@ -17,7 +17,7 @@ from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
-from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
+from twin_gait.core.plant import Brace, Harness, ImposedMotion, Plant, Seat, Spring, Trunk
 from twin_gait.leg_model.anthropometry import ManufacturedSizes
 from twin_gait.leg_model.attachments import Attachment
 from twin_gait.leg_model.joints import LegJoints
@@ -112,7 +112,7 @@ class World:
         imposed_motion: Imposed motion of a joint of the device, or None.
         contact_frames: Frames of each leg that touch the ground.
         braces: Braces between wearer and device, or None if they are one body.
-        trunk: Trunk of a wearer whose pelvis is free, or None.
+        trunk: Trunk of a wearer whose pelvis pitches, or None.
         arms: Arms that hold a crutch, by side; the coordinates of their tips follow all others.
         policy: Law by which the wearer uses the crutches, or None.
         perception: State of the wearer's delayed perception at time 0, or None.
@@ -149,6 +149,10 @@ class World:
     def chains(self) -> tuple[LegModel, ...]:
         """Models in the order of their coordinates; feet and body-weight support belong to the last one."""
         return (self.model,) if self.braces is None else (self.braces.device, self.braces.wearer)
+
+    def support(self, pelvis: int) -> Spring | Harness:
+        """Return the part with the force of the body-weight support; ``pelvis``: index of its height."""
+        return self.plant[pelvis + self.wearer_offset].spring if self.trunk is None else self.trunk.harness
 
     def ground(self) -> Ground:
         """Return the ground under the feet, with the belt at its cruise speed.

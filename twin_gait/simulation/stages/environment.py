@@ -15,6 +15,7 @@ from twin_gait.core.plant import (
     pitching_moment,
     seat_force_on_buttocks,
     seat_force_on_thigh,
+    strap_moment,
 )
 from twin_gait.core.wearer_torques import (
     find_grid_interval,
@@ -58,8 +59,8 @@ def lock_harness(e: Episode, tick: int) -> None:
     if PITCH_INDEX >= 0:
         if e.controller.trip.tick == tick:
             harness = e.trunk.harness
-            _, cosine = sine_cosine(e.q[PITCH_INDEX])
-            _lock(e, harness.stop, e.q[PELVIS_INDEX] + harness.height * cosine)
+            _, cosine = sine_cosine(e.q[PITCH_INDEX + WEARER_OFFSET])
+            _lock(e, harness.stop, e.q[PELVIS_INDEX + WEARER_OFFSET] + harness.height * cosine)
     elif PELVIS_INDEX >= 0:
         if e.controller.trip.tick == tick:
             _lock(e, e.plant[PELVIS_INDEX + WEARER_OFFSET].stop, e.q[PELVIS_INDEX + WEARER_OFFSET])
@@ -120,16 +121,17 @@ def add_trunk_forces(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def add_harness_force(e: Episode, q: list[float], v: list[float]) -> None:
-    """Add the force and the moment of the harness to the torques of the pelvis."""
-    sine, cosine = sine_cosine(q[PITCH_INDEX])
+    """Add the force and the moment of the harness to the torques of the wearer's pelvis."""
+    pelvis, pitch = PELVIS_INDEX + WEARER_OFFSET, PITCH_INDEX + WEARER_OFFSET
+    sine, cosine = sine_cosine(q[pitch])
     harness = e.trunk.harness
     ahead, up = harness.height * sine, harness.height * cosine
-    pull = harness_pull(harness, q[PELVIS_INDEX] + up, v[PELVIS_INDEX] - ahead * v[PITCH_INDEX])
-    moment = pitching_moment(ahead, up, 0.0, pull)
-    e.plant[PELVIS_INDEX].spring_torque += pull
-    e.plant[PITCH_INDEX].spring_torque += moment
-    e.torque[PELVIS_INDEX] += pull
-    e.torque[PITCH_INDEX] += moment
+    pull = harness_pull(harness, q[pelvis] + up, v[pelvis] - ahead * v[pitch])
+    moment = pitching_moment(ahead, up, 0.0, pull) + strap_moment(harness, sine, cosine, v[pitch])
+    e.plant[pelvis].spring_torque += pull
+    e.plant[pitch].spring_torque += moment
+    e.torque[pelvis] += pull
+    e.torque[pitch] += moment
 
 
 def add_seat_forces(e: Episode, q: list[float], v: list[float]) -> None:

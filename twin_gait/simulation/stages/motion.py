@@ -28,6 +28,7 @@ from twin_gait.simulation.build_flags import (
     GEAR_INDICES,
     N_CRUTCHES,
     N_POINTS_PER_FOOT,
+    PITCH_INDEX,
     WEARER_OFFSET,
     WITH_OWN_GAIT,
     WITH_RK4,
@@ -99,10 +100,16 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):
                 q, v = _state(one, staged)
-                brace = one.braces[i]
-                brace.torque = brace_torque(brace, q[i], v[i], q[i + WEARER_OFFSET], v[i + WEARER_OFFSET])
+                brace, apart, speed = one.braces[i], q[i] - q[i + WEARER_OFFSET], v[i] - v[i + WEARER_OFFSET]
+                if PITCH_INDEX >= 0:
+                    apart -= brace.pitch_share * (q[PITCH_INDEX] - q[PITCH_INDEX + WEARER_OFFSET])
+                    speed -= brace.pitch_share * (v[PITCH_INDEX] - v[PITCH_INDEX + WEARER_OFFSET])
+                brace.torque = brace_torque(brace, apart, speed)
                 one.torque[i] -= brace.torque
                 one.torque[i + WEARER_OFFSET] += brace.torque
+                if PITCH_INDEX >= 0:
+                    one.torque[PITCH_INDEX] += brace.pitch_share * brace.torque
+                    one.torque[PITCH_INDEX + WEARER_OFFSET] -= brace.pitch_share * brace.torque
     for one in vector_lanes(e):
         q, v = _state(one, staged)
         add_trunk_forces(one, q, v)
@@ -321,10 +328,11 @@ def _add_work(e: Episode, duration: float) -> None:
     if WEARER_OFFSET > 0:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):
-                stages = one.integrator
-                one.work.brace += (
-                    duration * one.braces[i].torque * (stages.v[i + WEARER_OFFSET] - stages.v[i])
-                )
+                brace, speeds = one.braces[i], one.integrator.v
+                speed = speeds[i + WEARER_OFFSET] - speeds[i]
+                if PITCH_INDEX >= 0:
+                    speed -= brace.pitch_share * (speeds[PITCH_INDEX + WEARER_OFFSET] - speeds[PITCH_INDEX])
+                one.work.brace += duration * brace.torque * speed
     if e.imposed_motion.index >= 0:
         for one in vector_lanes(e):
             motion = one.imposed_motion
