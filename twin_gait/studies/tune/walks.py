@@ -13,6 +13,7 @@ from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
+from twin_gait.measures.crutches import TRUNK_PITCH
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters.wearer import MASSES
@@ -29,7 +30,7 @@ from twin_gait.yaml12 import load_data
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *stuck_phases.RULES, stability.unstable)
 # Endings of the log columns from which the parts are computed, in addition to time and phases.
 LOG_COLUMNS = (
-    *(*WALK_COLUMNS, "_crutch_normal_force_N"),
+    *(*WALK_COLUMNS, "_crutch_normal_force_N", TRUNK_PITCH),
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
 NOMINAL_WEIGHT = 0.75  # weight of the nominal case in the cost of a candidate; the other cases share the rest
