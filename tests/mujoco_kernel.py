@@ -84,6 +84,7 @@ class MujocoKernel:
         slope = world.slope
         self._belt = np.array([[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]])
         self._soles = [int(self._legs.model.body(name).id) for name in names]
+        self._forefeet = [name.endswith("toe") for name in names]
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
@@ -121,12 +122,16 @@ class MujocoKernel:
             0.0,
         )
         data.xfrc_applied[:] = 0.0
-        for body, point in zip(self._soles, points, strict=False):
+        heel = ground.stiffness, ground.dissipation
+        toe = ground.forefoot_stiffness, ground.forefoot_dissipation
+        for body, forefoot, point in zip(self._soles, self._forefeet, points, strict=False):
             point_position = data.xpos[body]
             mujoco.mj_jac(model, data, jacobian, None, point_position, body)
             along, away = self._belt @ (jacobian @ data.qvel)[[0, 2]]
             point.height = float(self._belt[1] @ point_position[[0, 2]])
-            friction, normal = ground_contact_force(ground, point.height, float(along), float(away))
+            friction, normal = ground_contact_force(
+                ground, *(toe if forefoot else heel), point.height, float(along), float(away)
+            )
             point.forward, point.upward = (self._belt.T @ [friction, normal]).tolist()
             power += float(friction * along + normal * away)
             force = np.array([point.forward, 0.0, point.upward])

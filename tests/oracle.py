@@ -279,6 +279,7 @@ class LegPlant:
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
         self._normal = dict.fromkeys(self._frames, 0.0)
+        self._heels = {self.model.getFrameId(names[0]) for names in world.contact_frames.values() if names}
         self.upper_body = UpperBody(problem, self._normal_force) if world.arms else None
         self.muscles: OwnGait | None = None
         self._crutch, self._gravity = 0.0, given.gravity
@@ -338,18 +339,23 @@ class LegPlant:
         pressed = np.array(list(self._normal.values())).reshape(sides, -1).sum(axis=1)
         return [float(value) for value in pressed / self.world.body_weight]
 
-    def _pressed(self, height: float, along: float, up: float) -> tuple[float, float]:
+    def _pressed(self, height: float, along: float, up: float, heel: bool) -> tuple[float, float]:
         """Compute the friction and normal force of the ground on a point in [N]."""
-        law, normal = self.world.contact, self._normal_force(height, up)
+        law, normal = self.world.contact, self._normal_force(height, up, heel)
         assert law is not None  # there are contact frames
         slip = along + self.world.belt.cruise
         return -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity), normal
 
-    def _normal_force(self, height: float, up: float) -> float:
-        """Compute the normal force of the ground on a point in [N]."""
+    def _normal_force(self, height: float, up: float, heel: bool = True) -> float:
+        """Compute the normal force of the ground on a heel (or the tip of a crutch) or a forefoot in [N]."""
         law = self.world.contact
         assert law is not None
-        return law.stiffness * max(-height, 0.0) ** 1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * up)
+        stiffness, dissipation = law.stiffness, law.dissipation
+        if not heel and law.forefoot_stiffness is not None:
+            stiffness = law.forefoot_stiffness
+        if not heel and law.forefoot_dissipation is not None:
+            dissipation = law.forefoot_dissipation
+        return stiffness * max(-height, 0.0) ** 1.5 * max(0.0, 1.0 - 1.5 * dissipation * up)
 
     def _contact_forces(self, q: np.ndarray, v: np.ndarray) -> Any:
         pin.forwardKinematics(self.model, self.data, q, v)
@@ -361,7 +367,7 @@ class LegPlant:
             velocity = pin.getFrameVelocity(
                 self.model, self.data, number, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
             ).linear
-            friction, normal = self._pressed(height, velocity[0], velocity[2])
+            friction, normal = self._pressed(height, velocity[0], velocity[2], number in self._heels)
             self._normal[number] = normal
             placement = self.data.oMf[number]
             local = placement.rotation.T @ np.array([friction, 0.0, normal])

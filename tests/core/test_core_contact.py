@@ -38,7 +38,10 @@ def test_ground_never_pulls(penetration: float, rate: float, stiffness: float, d
 
 @given(height=st.floats(0.0, 1.0), forward=rates, vertical=rates, belt=st.floats(0.0, 2.0))
 def test_foot_in_the_air_has_no_force(height: float, forward: float, vertical: float, belt: float) -> None:
-    assert ground_contact_force(Ground(belt, 3e5, 0.5, 0.8, 0.05), height, forward, vertical) == (0.0, 0.0)
+    assert ground_contact_force(Ground(belt, 3e5, 0.5, 0.8, 0.05), 3e5, 0.5, height, forward, vertical) == (
+        0.0,
+        0.0,
+    )
 
 
 @given(rate=rates, stiffness=stiffnesses, dissipation=dissipations)
@@ -150,13 +153,13 @@ def test_unloaded_foot_has_no_friction(normal: float, slip: float) -> None:
 @given(belt=st.floats(0.0, 2.0))
 def test_foot_that_moves_with_the_belt_is_not_dragged(belt: float) -> None:
     """The belt runs backwards: standing on it means moving at minus its speed."""
-    forward, upward = ground_contact_force(Ground(belt, 3e5, 0.5, 0.8, 0.05), -0.01, -belt, 0.0)
+    forward, upward = ground_contact_force(Ground(belt, 3e5, 0.5, 0.8, 0.05), 3e5, 0.5, -0.01, -belt, 0.0)
     assert forward == 0.0
     assert_allclose(upward, 3e5 * 0.01**1.5, rtol=1e-12)
 
 
 def test_belt_carries_a_standing_foot_backwards() -> None:
-    forward, _ = ground_contact_force(Ground(0.42, 3e5, 0.5, 0.8, 0.05), -0.01, 0.0, 0.0)
+    forward, _ = ground_contact_force(Ground(0.42, 3e5, 0.5, 0.8, 0.05), 3e5, 0.5, -0.01, 0.0, 0.0)
     assert forward < 0.0
 
 
@@ -171,7 +174,7 @@ def sloping(slope: float, belt: float = 0.42, friction: float = 0.8) -> Ground:
 
 
 def pressed(ground: Ground, x: float, z: float, vx: float, vz: float) -> tuple[float, float, float]:
-    law = partial(ground_contact_force, ground)
+    law = partial(ground_contact_force, ground, 3e5, 0.5)
     return sloped_contact_force(ground.slope_sine, ground.slope_cosine, (x, z), (vx, vz), law)
 
 
@@ -184,7 +187,7 @@ def test_a_slope_of_zero_equals_level_ground_bit_for_bit(
     x: float, z: float, forward: float, upward: float
 ) -> None:
     found = pressed(sloping(0.0), x, z, forward, upward)
-    assert found == (*ground_contact_force(sloping(0.0), z, forward, upward), z)
+    assert found == (*ground_contact_force(sloping(0.0), 3e5, 0.5, z, forward, upward), z)
 
 
 @given(slope=slopes, x=positions, depth=st.floats(-0.05, 0.05), forward=rates, upward=rates)
@@ -197,7 +200,7 @@ def test_a_slope_is_level_ground_that_is_turned_about_the_origin(
     (px, pz), (vx, vz) = (turn @ item for item in level)
     ground = sloping(slope)
     fx, fz, height = pressed(ground, px, pz, vx, vz)
-    expected = np.array(ground_contact_force(ground, -depth, forward, upward))
+    expected = np.array(ground_contact_force(ground, 3e5, 0.5, -depth, forward, upward))
     assert_allclose(height, -depth, rtol=0.0, atol=1e-15)
     tolerance = 1e-6 * (1.0 + np.abs(expected).max())  # roundings of the depth, times the stiffness
     assert_allclose([fx, fz], turn @ expected, rtol=0.0, atol=tolerance)

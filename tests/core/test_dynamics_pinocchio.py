@@ -67,7 +67,9 @@ class Kernel(NamedTuple):
         return np.array([[point.forward, point.upward, point.height] for point in points])
 
 
-def velocity_law(ground: Ground, height: float, forward: float, upward: float) -> tuple[float, float]:
+def velocity_law(
+    ground: Ground, stiffness: float, dissipation: float, height: float, forward: float, upward: float
+) -> tuple[float, float]:
     """Return the velocities as forces, in place of a contact law."""
     return forward, upward
 

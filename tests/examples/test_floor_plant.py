@@ -61,7 +61,7 @@ def test_acceleration_in_the_air_equals_pinocchio(guide):
 def test_laws_passed_as_arguments_replace_the_laws_of_core():
     problem = build_setup(load_experiment("treadmill").experiment)
     n = len(problem.world.start_q)
-    laws = {"ground_contact_force": lambda ground, height, forward, upward: (1.0, ground.stiffness)}
+    laws = {"ground_contact_force": lambda ground, stiffness, dissipation, *motion: (1.0, stiffness)}
     found = equations_of_motion(problem, laws)(problem.world.start_q.tolist(), *[[0.0] * n] * 3)
     assert [(point.forward, point.upward) for point in found.points] == [(1.0, 3.0e5)] * 4
     assert found.acceleration[problem.world.model.pelvis_index] > 1e3

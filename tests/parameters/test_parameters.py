@@ -63,6 +63,8 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (SensorParameters, "window", 0),
     (ContactParameters, "stiffness", 0.0),
     (ContactParameters, "dissipation", -0.1),
+    (ContactParameters, "forefoot_stiffness", 0.0),
+    (ContactParameters, "forefoot_dissipation", -0.1),
     (ContactParameters, "friction_coefficient", -0.1),
     (ContactParameters, "transition_velocity", 0.0),
     (StopParameters, "stiffness", -1.0),

@@ -183,7 +183,7 @@ def test_specialized_laws_of_this_package_give_the_same_results() -> None:
     assert bound is not impedance_torque
     assert bound(0.3, 2.0, 100.0, 10.0, 0.2) == impedance_torque(0.3, 2.0, 100.0, 10.0, 0.2)
     force = specialize(ground_contact_force, {"contact_normal_force": lambda *_: 100.0})
-    assert force(Ground(1.0, 3e5, 0.5, 0.8, 0.05), -0.01, 5.0, 0.0)[1] == 100.0
+    assert force(Ground(1.0, 3e5, 0.5, 0.8, 0.05), 3e5, 0.5, -0.01, 5.0, 0.0)[1] == 100.0
 
 
 def test_functions_of_a_generated_kernel_count_as_own_functions() -> None:

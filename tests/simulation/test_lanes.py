@@ -53,6 +53,8 @@ def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
     ]
     if walking or any(item.startswith("patient") for item in settings):
         own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]
+    if walking:
+        own.append(f"scenario.contact.forefoot_stiffness_N_per_m1p5={1e5 * (2 + number % 7)}")
     if preset == "overground":
         own.append(f"scenario.arms.shoulder_moment_Nm={rng.uniform(0.0, 10.0)}")
     elif walking and number % 6 == 4:  # falls

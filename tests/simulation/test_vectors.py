@@ -34,8 +34,10 @@ def functions(count: int) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def states(count: int, rng: np.random.Generator) -> list[float]:
-    """Height, forward and vertical velocity of points, some above the ground and some leaving it."""
-    return (rng.normal(size=(count, 3)) * (0.01, 1.0, 1.0)).ravel().tolist()
+    """Stiffness, dissipation and motion of heels and forefeet; some are in the air, some are leaving."""
+    moved = rng.normal(size=(count, 3)) * (0.01, 1.0, 1.0)
+    softness = [[4e6, 1.5], [1e6, 0.7]] * (count // 2)
+    return np.column_stack([softness, moved]).ravel().tolist()
 
 
 def test_calls_are_merged_at_the_last_one_and_dependent_code_follows() -> None:
@@ -68,7 +70,7 @@ def test_vectors_equal_single_calls_bit_for_bit(count: int, rng: np.random.Gener
     ground = to_array(GROUND)
     found_ground = record_accessor(ground.dtype)
     angles = [f"given[{index}]" for index in range(count)]
-    points = [f"given[{index}]" for index in range(count, 4 * count)]
+    points = [f"given[{index}]" for index in range(count, 6 * count)]
     text = f"def entry(address, given):\n    return sines({', '.join(angles)}), "
     text += f"forces(ground(address), {', '.join(points)})"
     scope = {"sines": sines, "forces": forces, "ground": found_ground}

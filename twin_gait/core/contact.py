@@ -107,12 +107,14 @@ class Ground:
 
     Attributes:
         belt_speed: Present speed of the belt, backwards positive, in [m/s].
-        stiffness: Contact stiffness in [N/m^1.5].
-        dissipation: Contact dissipation in [s/m].
+        stiffness: Contact stiffness of the heels in [N/m^1.5].
+        dissipation: Contact dissipation of the heels in [s/m].
         friction_coefficient: Coulomb coefficient.
         transition_velocity: Transition velocity of the regularised friction in [m/s].
         slope_sine: Sine of the angle by which the plane rises forwards; it contains the origin.
         slope_cosine: Cosine of that angle.
+        forefoot_stiffness: Contact stiffness of all other points of the soles in [N/m^1.5].
+        forefoot_dissipation: Contact dissipation of these points in [s/m].
     """
 
     belt_speed: float = 0.0
@@ -122,6 +124,8 @@ class Ground:
     transition_velocity: float = 0.0
     slope_sine: float = 0.0
     slope_cosine: float = 1.0
+    forefoot_stiffness: float = 0.0
+    forefoot_dissipation: float = 0.0
 
 
 @dataclass(slots=True)
@@ -140,12 +144,19 @@ class ContactState:
 
 
 def ground_contact_force(
-    ground: Ground, height: float, forward_velocity: float, vertical_velocity: float
+    ground: Ground,
+    stiffness: float,
+    dissipation: float,
+    height: float,
+    forward_velocity: float,
+    vertical_velocity: float,
 ) -> tuple[float, float]:
     """Compute the force of level ground, or a belt, on a point of the sole.
 
     Args:
-        ground: Parameters of the ground and the speed of the belt.
+        ground: Friction of the ground and the speed of the belt.
+        stiffness: Stiffness of the point in [N/m^1.5], that of the heel or of the forefoot.
+        dissipation: Dissipation of the point in [s/m].
         height: Height of the point above the ground in [m]; negative is penetration.
         forward_velocity: Forward velocity of the point in the world in [m/s].
         vertical_velocity: Vertical velocity of the point in [m/s], up positive.
@@ -154,7 +165,6 @@ def ground_contact_force(
         Forward and upward force on the point in [N].
     """
     # Read before the branch: the compiler does not vectorize a read that is conditional.
-    stiffness, dissipation = ground.stiffness, ground.dissipation
     coefficient, transition_velocity = ground.friction_coefficient, ground.transition_velocity
     slip_velocity = forward_velocity + ground.belt_speed
     if height >= 0.0:

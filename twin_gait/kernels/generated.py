@@ -55,7 +55,7 @@ class MergedFunction(NamedTuple):
 
 MERGED_FUNCTIONS = (
     MergedFunction(sine_cosine, 0, 1, ("sine", "cosine")),
-    MergedFunction(ground_contact_force, 1, 3, ("forward_force", "upward_force")),
+    MergedFunction(ground_contact_force, 1, 5, ("forward_force", "upward_force")),
 )
 
 
@@ -135,12 +135,14 @@ class _Function:
         sine: Any = self.trace.input("ground.slope_sine")
         cosine: Any = self.trace.input("ground.slope_cosine")
 
-        def press(*state: Any) -> Any:
-            return self.trace.call(
-                "ground_contact_force", [self.trace.input("ground"), *state], MERGED_FUNCTIONS[1].results
-            )
-
         def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
+            part = "forefoot_" if self.points[number].forefoot else ""
+            common = ["ground", f"ground.{part}stiffness", f"ground.{part}dissipation"]
+
+            def press(*state: Any) -> Any:
+                given = [*map(self.trace.input, common), *state]
+                return self.trace.call("ground_contact_force", given, MERGED_FUNCTIONS[1].results)
+
             point, speed = (position[0], position[2]), (velocity[0], velocity[2])
             height = point[1]
             if sloped:
@@ -311,4 +313,4 @@ def _topology_key(bodies: Bodies, points: Points = ()) -> str:
     """Return the data that determine a kernel: names, topology, axes, and which run-time inputs are zero."""
     frames = [(body.name, body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
     zeros = [value == 0.0 for value in _values_of(bodies, points)]
-    return repr((frames, [point.body for point in points], zeros))
+    return repr((frames, [(point.body, point.forefoot) for point in points], zeros))

@@ -61,10 +61,12 @@ class GroundContacts:
         (r00, r01, r02), _, (r20, r21, r22) = placement.rotation.tolist()
         ahead, _, height = placement.translation.tolist()
         lx, ly, lz, wx, wy, wz = self.data.v[foot.joint].vector.tolist()
-        press = partial(ground_contact_force, ground)
+        heel = ground.stiffness, ground.dissipation
+        forefoot = ground.forefoot_stiffness, ground.forefoot_dissipation
         power = fx = fy = fz = mx = my = mz = 0.0
         for number, (x, y, z) in enumerate(foot.points, start=foot.first):
             point = points[number]
+            press = partial(ground_contact_force, ground, *(heel if number == foot.first else forefoot))
             position = ahead + r00 * x + r01 * y + r02 * z, height + r20 * x + r21 * y + r22 * z
             ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
             forward = r00 * ux + r01 * uy + r02 * uz

@@ -35,6 +35,7 @@ class ContactPoint(NamedTuple):
 
     body: int  # index of the body
     position: Any  # in the body's joint frame in [m], shape ``(3,)``
+    forefoot: bool = False  # whether it belongs to the forefoot, not to the heel
 
 
 def export_bodies(model: pin.Model) -> list[BodyArrays]:
@@ -80,11 +81,12 @@ def _axis(joint: pin.JointModel, name: str) -> tuple[bool, list[float]]:
 
 
 def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:
-    """Return the positions of named frames on their bodies."""
+    """Return the positions of the named frames of a foot on their bodies; the first one is the heel."""
     points = []
-    for name in frames:
+    for number, name in enumerate(frames):
         frame = model.frames[model.getFrameId(name)]
-        points.append(ContactPoint(int(frame.parentJoint) - 1, _plain(frame.placement.translation)))
+        position = _plain(frame.placement.translation)
+        points.append(ContactPoint(int(frame.parentJoint) - 1, position, number > 0))
     return points
 
 

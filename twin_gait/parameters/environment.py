@@ -45,21 +45,34 @@ class ContactParameters(quantities.Parameters):
     """Foot contact at heel and toe; see :func:`twin_gait.core.contact.contact_normal_force`.
 
     Attributes:
-        stiffness: Hertz stiffness of each point in [N/m^1.5] (an assumption): a heel is compressed by 11
+        stiffness: Hertz stiffness of each heel in [N/m^1.5] (an assumption): a heel is compressed by 11
             mm under the 353 N of wearer and device that remain with 60 % support. A contact sphere of PredSim
             has 8.4e4 (1e6 N/m², radius 32 mm).
         dissipation: Dissipation c of Hunt and Crossley in [s/m]. OpenSim and PredSim have 2.0 in the same
-            law. The default bounces: it dissipates 13 % of the energy of a fall at 0.15 m/s (2.0: 41 %),
-            whereas a heel pad dissipates 30 to 48 % (Ker 1996, J Exp Biol 199:1501) and a prosthetic foot 34
-            to 53 %, 63 % in a walking shoe (Klute et al. 2004, J Rehabil Res Dev 41:535).
+            law. The default dissipates 47 % of the energy of a fall at 0.15 m/s; a heel pad dissipates 30 to
+            48 % (Ker 1996, J Exp Biol 199:1501) and a prosthetic foot 34 to 53 %, 63 % in a walking shoe
+            (Klute et al. 2004, J Rehabil Res Dev 41:535).
+        forefoot_stiffness: Hertz stiffness of each forefoot in [N/m^1.5], or None if it is that of a heel.
+        forefoot_dissipation: Dissipation of each forefoot in [s/m], or None if it is that of a heel.
         friction_coefficient: Coulomb coefficient of the sole on the belt.
         transition_velocity: Transition velocity of the regularised friction in [m/s].
     """
 
     stiffness: Annotated[quantities.HertzStiffness, quantities.POSITIVE] = 3.0e5
     dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.5
+    forefoot_stiffness: Annotated[quantities.HertzStiffness | None, quantities.POSITIVE] = None
+    forefoot_dissipation: Annotated[quantities.LinearDissipation | None, quantities.NOT_NEGATIVE] = None
     friction_coefficient: Annotated[quantities.Ratio, COEFFICIENTS] = 0.8
     transition_velocity: Annotated[quantities.Speed, quantities.POSITIVE] = 0.05
+
+    @property
+    def forefoot(self) -> tuple[float, float]:
+        """Stiffness in [N/m^1.5] and dissipation in [s/m] of each forefoot."""
+        stiffness, dissipation = self.forefoot_stiffness, self.forefoot_dissipation
+        return (
+            self.stiffness if stiffness is None else stiffness,
+            self.dissipation if dissipation is None else dissipation,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

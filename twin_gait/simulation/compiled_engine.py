@@ -109,8 +109,8 @@ def _bodies_of(setup: SimulationSetup) -> KernelBodies:
         for body in export_bodies(chain.model):
             moved = first > 0 and body.parent >= 0
             bodies.append(body._replace(parent=body.parent + first) if moved else body)
-    frames = [name for side in setup.wearer_sides for name in world.contact_frames.get(side, ())]
-    found = contact_points(world.chains[-1].model, frames)
+    frames = [world.contact_frames.get(side, ()) for side in setup.wearer_sides]
+    found = [point for names in frames for point in contact_points(world.chains[-1].model, names)]
     points = [point._replace(body=point.body + first) for point in found]
     control = export_bodies(setup.control_model.model)
     # Index of the last guide of each pelvis, or on the bench of the first joint of each chain.

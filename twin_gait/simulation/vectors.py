@@ -75,11 +75,14 @@ def _call_vectorized(
     count, passes, arguments = len(rows), _passes(len(rows)), len(rows[0])
     answer = signature.return_type
     results = len(answer) if isinstance(answer, types.BaseTuple) else 1  # type: ignore[attr-defined]
-    room = cgutils.alloca_once(builder, ir.ArrayType(_NUMBER, passes * (arguments + results)))
-    room.align = _CACHE_LINE
+    # One array for each argument and result: LLVM searches at most 100 uses of an array for its address.
+    row_type = ir.ArrayType(_NUMBER, passes)
+    arrays = [cgutils.alloca_once(builder, row_type) for _ in range(arguments + results)]
+    for array in arrays:
+        array.align = _CACHE_LINE
 
     def at(row: int, number: Any) -> Any:
-        return cgutils.gep_inbounds(builder, room, 0, builder.add(_COUNT(row * passes), number))
+        return cgutils.gep_inbounds(builder, arrays[row], 0, number)
 
     for number in range(passes):  # the last object is repeated until the vectors are full
         for row, value in enumerate(rows[min(number, count - 1)]):

@@ -275,9 +275,10 @@ class SeatedBalance:
             _, upward, lift = seat_force_on_thigh(seat, sine, cosine, 0.0, found[0], 0.0, 0.0, 0.0)
             left[:2] += upward, -lift
             axis = model.frame_position(q, str(model.legs[side].ankle))[0]
-            for name in model.legs[side].contact_frames:
+            for number, name in enumerate(model.legs[side].contact_frames):
                 ahead, _, height = model.frame_position(q, name)
-                upward = contact_normal_force(-height, 0.0, self.contact.stiffness, 0.0)
+                stiffness = self.contact.forefoot[0] if number > 0 else self.contact.stiffness
+                upward = contact_normal_force(-height, 0.0, stiffness, 0.0)
                 left[:2] += upward, pitching_moment(ahead, 0.0, 0.0, upward)
                 if side is model.sides[0]:
                     left[2] += upward * (ahead - axis)

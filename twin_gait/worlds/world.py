@@ -162,9 +162,10 @@ class World:
         if self.contact is None:
             return Ground()
         sine, cosine = sine_cosine(self.slope)
-        return from_attributes(
-            Ground, self.contact, belt_speed=self.belt.cruise, slope_sine=sine, slope_cosine=cosine
-        )
+        stiffness, dissipation = self.contact.forefoot
+        forefoot = {"forefoot_stiffness": stiffness, "forefoot_dissipation": dissipation}
+        slope = {"slope_sine": sine, "slope_cosine": cosine}
+        return from_attributes(Ground, self.contact, belt_speed=self.belt.cruise, **forefoot, **slope)
 
     @property
     def wearer_offset(self) -> int:
