@@ -62,7 +62,6 @@ class IntegrationMethod(StrEnum):
 # second takes minutes.
 FINEST_STEP = 1e-7
 STEPS = Range(FINEST_STEP, TICK, words=f"{FINEST_STEP:g} to {TICK:g} s")
-_BRACED_STEP = 0.1e-3  # step of the compiled engine in [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +99,7 @@ def default_integration(
     """Return the default integrator and step of an engine.
 
     The compiled engine is fast enough for the step that an accurate solution requires: Runge-Kutta at the
-    step of the world, and at 0.1 ms at most if braces hold a light foot. The semi-implicit Euler method takes
+    step of the world, which is smaller if braces hold a light foot. The semi-implicit Euler method takes
     half of this step, because a damper that is stable with Runge-Kutta for a step h is stable with it for
     0.72 h. The Pinocchio engine runs in Python and uses the largest step with which contacts are stable.
 
@@ -108,7 +107,7 @@ def default_integration(
     """
     if engine is Engine.PINOCCHIO:
         return Integration()
-    step = min(_BRACED_STEP, scenario.step) if braced else scenario.step
+    step = scenario.braced_step if braced else scenario.step
     return Integration(method=method, step=step if method is IntegrationMethod.RK4 else 0.5 * step)
 
 

@@ -282,6 +282,11 @@ class Scenario(Parameters, ABC):
         return 1e-3
 
     @property
+    def braced_step(self) -> float:
+        """Default step in [s] if braces hold the device, with a light foot."""
+        return min(self.step, 0.1e-3)
+
+    @property
     @abstractmethod
     def pelvis(self) -> PelvisGuide:
         """Guide of the pelvis."""
