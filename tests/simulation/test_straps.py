@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from errors import raises
+from log_rows import log_matrix
 from scipy.integrate import solve_ivp
 
 from twin_gait import load_experiment, simulate
@@ -14,7 +15,9 @@ from twin_gait.core.plant import Harness, strap_moment
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.measures.effort import energy_balance
 from twin_gait.runs.summary import summarise_run
+from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import work_sources
+from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.bracing import _linear
@@ -137,6 +140,18 @@ def test_the_support_of_a_running_walk_acts_on_the_rope(walk):
 def test_a_trunk_that_leans_too_far_has_fallen():
     fallen = walk_of("scenario.lean_deg=2", "scenario.fall_lean_deg=1", "duration_s=0.1")
     assert fallen.status == "fell" and "lean" in fallen.reason
+
+
+def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
+    pytest.importorskip("mujoco")
+    from mujoco_kernel import MujocoKernel  # needs MuJoCo
+
+    settings = ["duration_s=0.15", "scenario.support.pitch=soft", "scenario.lean_deg=5"]
+    setup = build_setup(load_experiment("treadmill", settings).experiment)
+    runs = CompiledEngine(setup).run(), ReferenceEngine(setup, kernel=MujocoKernel(setup).functions).run()
+    ours, theirs = map(log_matrix, runs)
+    assert np.ptp(runs[0].log["trunk_pitch_rad"]) > 0.02
+    np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
