@@ -282,6 +282,7 @@ class LegPlant:
         self._heels = {self.model.getFrameId(names[0]) for names in world.contact_frames.values() if names}
         self.upper_body = UpperBody(problem, self._normal_force) if world.arms else None
         self.muscles: OwnGait | None = None
+        self._straps = None if world.trunk is None or world.arms else Straps(problem)
         self._crutch, self._gravity = 0.0, given.gravity
         if world.arms:
             self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
@@ -294,6 +295,8 @@ class LegPlant:
         stiffness, damping, force = self._springs
         lost = friction_torque(v, self._law)
         own = np.zeros(len(q)) if self.muscles is None else self.muscles.torque(q, v)
+        if self._straps is not None:
+            own += self._straps.torque(q, v)
         return np.asarray(force - stiffness * q - damping * v + below - above - lost + own)
 
     def _lost_share(self, v: np.ndarray, signs: np.ndarray) -> np.ndarray:
@@ -387,6 +390,32 @@ class LegPlant:
         v4 = v + h * a3
         a4 = self.acceleration(q + h * v3, v4, motor)
         return q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+class Straps:
+    """Level bar on a winch with a strap in front of and one behind the trunk, by forces at two points."""
+
+    def __init__(self, problem: SimulationSetup) -> None:
+        """Read the parameters of the harness of a treadmill."""
+        support, patient = problem.experiment.scenario.support, problem.experiment.patient  # type: ignore[attr-defined]
+        assert patient is not None
+        model, reach = problem.world.model, support.strap_lever if support.pitch == "soft" else 0.0
+        self._support, self._height, self._pitch = support, model.pelvis_index, model.pitch_index
+        self._force = support.share * model.total_mass * problem.experiment.plant.gravity
+        # Attachments relative to the hips of an upright trunk, as complex numbers: forwards, upwards.
+        self._ends = np.array([reach, -reach]) + 1j * support.height * patient.height
+
+    def torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Compute the torques of both straps on the coordinates, shape ``(nv,)``."""
+        ends = self._ends * np.exp(-1j * q[self._pitch])
+        speeds = v[self._height] - ends.real * v[self._pitch]
+        force = self._force - self._support.damping * speeds.mean()
+        stretched = np.diff(ends.imag)[0] * self._support.strap_stiffness
+        stretched += np.diff(speeds)[0] * self._support.strap_damping
+        front = np.clip(0.5 * (force + stretched), 0.0, force)
+        pulls, found = np.array([front, force - front]), np.zeros(len(q))
+        found[self._height], found[self._pitch] = force, -pulls @ ends.real
+        return found
 
 
 class OwnGait:

@@ -79,11 +79,11 @@ def legs_spec(
     text = model.urdf_path.read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
     slide, pelvis = mujoco.mjtJoint.mjJNT_SLIDE, spec.worldbody.first_body()
-    if model.pelvis in ("harness", "free"):
+    if model.forward_index is not None:
         pelvis.add_joint(name=FORWARD_JOINT, type=slide, axis=[1.0, 0.0, 0.0])
     if model.pelvis != "fixed":
         pelvis.add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
-    if model.pelvis == "free":
+    if model.pitch_index is not None:
         pelvis.add_joint(name=PITCH_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     if patient is not None:
         sizes = None

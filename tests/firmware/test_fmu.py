@@ -260,6 +260,8 @@ OTHERS = (
     *("hip_exoskeleton", "knee_orthosis", "osl_prosthesis", "sup_prosthesis"),
     "treadmill integration.method=semi_implicit_euler",
     "treadmill patient=incomplete_sci patient.effort_noise=0",
+    "treadmill scenario.support.pitch=soft",
+    "treadmill scenario.support.pitch=soft interface=brace",
 )
 
 

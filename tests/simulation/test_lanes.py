@@ -58,7 +58,7 @@ def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
     if preset == "overground":
         own.append(f"scenario.arms.shoulder_moment_Nm={rng.uniform(0.0, 10.0)}")
     elif walking and number % 6 == 4:  # falls
-        own += ["scenario.support={share: 0, lock_stiffness_N_per_m: 0}"]
+        own += ["scenario.support.share=0", "scenario.support.lock_stiffness_N_per_m=0"]
         own += ["table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"]
     if number % 6 == 1:  # trips
         own.append(f"control.safety.phase_timeout_s={rng.uniform(0.05, 0.4):.3f}")
@@ -183,7 +183,13 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
         "patient.effort_noise=0.2",
         *NOISE,
     ),
-    "braces": ("treadmill", EULER % 0.1, "interface=brace", *NOISE),
+    "braces, and a trunk in straps": (
+        "treadmill",
+        EULER % 0.1,
+        "interface=brace",
+        "scenario.support.pitch=soft",
+        *NOISE,
+    ),
     "faults, commands late, slopes, adaptive assistance and inertia compensation": (
         "treadmill",
         EULER % 0.25,

@@ -30,6 +30,14 @@ CASES = {
     "bench leg, electronics": ("bench_leg", EULER, 1.0, 2000, ELECTRONICS),
     "treadmill, Euler": ("treadmill", EULER, 0.25, 1500),
     "treadmill, RK4, forefeet that are unlike heels": ("treadmill", RK4, 0.25, 500, *FOREFEET),
+    "treadmill, trunk in straps": (
+        "treadmill",
+        RK4,
+        0.25,
+        150,
+        "scenario.support={pitch: soft, strap_lever_m: 0.04, strap_stiffness_N_per_m: 1e5}",
+        "scenario.lean_deg=4",
+    ),
     "overground, crutches that are lifted": (
         "overground",
         EULER,

@@ -136,16 +136,22 @@ class SupportParameters(quantities.Parameters):
         damping: Damping of the vertical guide in [N·s/m].
         guide: Whether the pelvis is guided vertically, or a harness lets it move fore-aft as well.
         pitch: Pitch of a pelvis in a harness, see :class:`twin_gait.core.plant.Harness`: locked by the guide;
-            soft, held by two straps in front of and behind the trunk; or free under one rope at its axis.
+            soft, held by two straps in front of and behind the trunk; or free under one rope at its axis. In
+            a Lokomat with 30 and 50 % support the pelvis of 18 healthy people tilted more than on a treadmill
+            without it, and the trunk less (Swinnen et al. 2015, NeuroRehabilitation 36:81, abstract).
         forward_stiffness: Fore-aft stiffness of the harness in [N/m]; tethers let a pelvis move by some
             centimetres (an assumption).
         forward_damping: Fore-aft damping of the harness in [N·s/m]; about 0.4 of critical under 90 kg (an
             assumption).
         height: Height of the attachments of rope or straps above the hips, along the trunk, divided by the
-            height of the wearer; it is read if the pelvis pitches, as are the next three.
-        strap_lever: Distance in [m] of each strap from the axis of the trunk.
-        strap_stiffness: Stiffness in [N/m] of each strap.
-        strap_damping: Damping in [N·s/m] of each strap.
+            height of the wearer (an assumption). It is used only if the pelvis pitches, as are the next
+            three.
+        strap_lever: Distance in [m] of each strap from the axis of the trunk (an assumption: half the depth
+            of a chest).
+        strap_stiffness: Stiffness in [N/m] of each strap (an assumption: as the cuffs of the braces, because
+            vest and tissue give more than the webbing).
+        strap_damping: Damping in [N·s/m] of each strap (an assumption: a loss factor of 0.2 at a step per
+            second).
         lock_stiffness: Stiffness of the locked harness in [N/m]; 0 for one that does not lock. About a
             metre of rope that stretches by 5 % under 100 kg, the maximum that EN 1891 allows for a
             low-stretch rope.
@@ -222,8 +228,9 @@ class BraceParameters(quantities.Parameters):
     Attributes:
         pelvis: Brace between the waist of the device and the pelvis, vertical and fore-aft.
         trunk: Brace between the waist of the device and a pelvis that pitches: a belt of 10 kN/m at 0.25 m
-            above the hips.
-        hip: Brace of each hip.
+            above the hips, with a third of critical damping.
+        hip: Brace of each hip; the cuff of a thigh. It acts on the elevation of the thigh, hip flexion minus
+            pitch.
         knee: Brace of each knee.
         ankle: Brace of each ankle.
     """

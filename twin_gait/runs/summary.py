@@ -24,10 +24,10 @@ from twin_gait.report.formatting import describe
 from twin_gait.report.reference import reference_measures, reference_notes
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error, saturated_shares
 from twin_gait.runs.stride_table import statistics_summary, stride_table
-from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
+from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, TRUNK_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.faults import LOSSES_OF_SUPPLY, Fault, FaultKind
 
 # Distributions whose version can change a number of a log, by their usual name.
@@ -82,6 +82,7 @@ def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str,
         **({} if run.traffic is None else {"network": run.traffic}),
         **supply_loss_summary(run),
         **crutch_summary(run),
+        **guide_summary(run),
         **interaction_summary(run, skip_strides),
         **energy_summary(run),
     }
@@ -225,6 +226,11 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
     if force in log:
         rms, peak, apart = _brace_measures(log, force, "pelvis_height_m", height)
         interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}
+    pitch, *_, moment = TRUNK_BRACE.columns
+    if moment in log:
+        rms, peak, apart = _brace_measures(log, moment, TRUNK_PITCH, pitch)
+        motion = math.degrees(apart)
+        interaction["trunk"] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
     return {"interaction": interaction}
 
 
@@ -234,12 +240,30 @@ def _brace_measures(log: pd.DataFrame, load: str, device: str, wearer: str) -> t
     return effort.root_mean_square(values), float(np.abs(values).max()), float(np.abs(apart).max())
 
 
+def guide_summary(run: Run) -> dict[str, Any]:
+    """Compute the moment of guide or harness on a pelvis on the belt, and the pitch of one in straps."""
+    pelvis = run.experiment.scenario.pelvis
+    if pelvis in (PelvisGuide.FIXED, PelvisGuide.FREE) or len(run.log) == 0:
+        return {}
+    log = run.log
+    found = _extremes("moment", "Nm", log["guide_moment_Nm"].to_numpy())
+    if pelvis is PelvisGuide.STRAPS:
+        pitch = log.get(next(iter(TRUNK_BRACE.columns)), log[TRUNK_PITCH])
+        found |= _extremes("pitch", "deg", np.degrees(pitch.to_numpy()))
+    return {"guide": found}
+
+
+def _extremes(name: str, unit: str, values: np.ndarray) -> dict[str, float]:
+    rms, low, high = effort.root_mean_square(values), float(values.min()), float(values.max())
+    return {f"{name}_rms_{unit}": rms, f"{name}_lowest_{unit}": low, f"{name}_highest_{unit}": high}
+
+
 def crutch_summary(run: Run) -> dict[str, Any]:
-    """Compute distance, lean and use of the arms for a run with a free trunk; empty for a guided pelvis.
+    """Compute distance, lean and use of the arms for a run with a free trunk; empty for any other pelvis.
 
     The run is repeated without crutches to measure the contribution of the arms.
     """
-    if TRUNK_PITCH not in run.log or len(run.log) == 0:
+    if run.experiment.scenario.pelvis is not PelvisGuide.FREE or len(run.log) == 0:
         return {}
     log = run.log
     way = float(log["pelvis_forward_m"].iloc[-1] - log["pelvis_forward_m"].iloc[0])

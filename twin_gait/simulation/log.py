@@ -36,7 +36,8 @@ class ColumnGroup:
 
 _DECLARED = load_data(Path(__file__).with_suffix(".yaml"))
 GROUPS = {name: ColumnGroup(**group) for name, group in _DECLARED.items()}
-PELVIS_BRACE, BRACE, WORK = GROUPS["pelvis_brace"], GROUPS["brace"], GROUPS["work"]
+BRACE, PELVIS_BRACE, TRUNK_BRACE = GROUPS["brace"], GROUPS["pelvis_brace"], GROUPS["trunk_brace"]
+WORK = GROUPS["work"]
 
 
 class LogArrays:
