@@ -25,6 +25,7 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.parameters.environment import CONTACTS
 from twin_gait.parameters.friction import AsymmetricFriction, LuGreFriction
 from twin_gait.vocabulary import JointName
 
@@ -92,6 +93,15 @@ def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp
     first, second = simulate(loaded.experiment), simulate(load_experiment(path).experiment)
     for name in first.log.columns:
         assert first.log[name].equals(second.log[name]), name
+
+
+@pytest.mark.parametrize("preset", ["treadmill", "overground"])
+def test_a_word_stands_for_a_whole_set_of_contact_parameters(preset):
+    experiment = load_experiment(preset, ["scenario.contact=calibrated"]).experiment
+    assert experiment.scenario.contact == CONTACTS["calibrated"]
+    assert reread(experiment_document(experiment)).scenario.contact == CONTACTS["calibrated"]
+    with raises(ParameterFileError, "scenario.contact", "soft or calibrated", "'hard'"):
+        load_experiment(preset, ["scenario.contact=hard"])
 
 
 def test_a_file_over_a_preset_changes_only_its_keys(tmp_path):

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.environment import BeltProfile, ContactParameters, SupportParameters
+from twin_gait.parameters.environment import BeltProfile, Contact, ContactParameters, SupportParameters
 from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, from_attributes
 from twin_gait.vocabulary import Environment, PelvisGuide, Side
 from twin_gait.worlds.standing import FALL_SHARE, FallShare, SplitStance, level_feet
@@ -74,7 +74,7 @@ class Treadmill(SplitStance):
     stop_ramp: Annotated[Time, RAMPS] = 0.5
     slope: Annotated[Angle, SLOPES] = 0.0
     support: SupportParameters = field(default_factory=SupportParameters)
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=ContactParameters)
     fall_height_share: FallShare = FALL_SHARE
     leading: Side = Side.LEFT
     # Posture between two steps of the default walk; both feet reach the belt, and the first swings clear it.
