@@ -170,6 +170,8 @@ def test_each_engine_has_its_own_default_integrator():
         (("scenario.belt_speed_km_per_h=2",), 0.2e-3),
         (("scenario.belt_speed_km_per_h=4",), 0.125e-3),  # the estimate of the load peak is limited
         (("scenario.contact.transition_velocity_m_per_s=0.01",), 0.05e-3),
+        (("scenario.contact=calibrated",), 0.25e-3),
+        (("scenario.contact.stiffness_N_per_m1p5=2e6",), 0.2e-3),
         (("scenario.contact.transition_velocity_m_per_s=1e-5",), 0.01e-3),  # the smallest
     ],
 )
