@@ -58,6 +58,28 @@ for support in SUPPORTS:
 print(pd.DataFrame(rows).fillna("").to_string(index=False))
 
 # %% [markdown]
+# ## Against measurements with support
+# Vertical force of 18 healthy adults who walked on level ground in a harness, more slowly than usual (Barela
+# et al. 2014, Braz J Phys Ther 18:572, table of peaks; the speed was not found), in units of the carried
+# weight: means of right and left leg in percent of the body weight, over the share that the harness leaves.
+
+# %%
+SHAPE = ("loading peak", "trough", "push-off peak")
+BARELA = {0.0: (104.0, 75.5, 94.0), 0.15: (86.5, 67.0, 76.0), 0.30: (74.0, 60.0, 66.5)}
+measured = [
+    {"walk": f"adults, {share:.0%} support (Barela et al. 2014)"}
+    | {name: f"{value / (100.0 * (1.0 - share)):.2f}" for name, value in zip(SHAPE, values, strict=True)}
+    for share, values in BARELA.items()
+]
+default = next(row for row in rows if row["support"] == "60%")
+measured.append({"walk": "default walk, 60% support", **{name: default[name] for name in SHAPE}})
+healthy = summarise_run(walk())["walk_reference"]
+measured.append(
+    {"walk": "Winter (1991), slow cadence", **{name: f"{healthy[MEASURES[name]]:.2f}" for name in SHAPE}}
+)
+print(pd.DataFrame(measured).to_string(index=False))
+
+# %% [markdown]
 # ## With other feet
 # One number of the contact, or the distance of its two points, differs from the default walk. The compression
 # is the largest depth of a point of a foot after 5 s, the error is that of the left knee.
@@ -95,5 +117,5 @@ for name, settings in list(FEET.items())[: 2 if form.quick else None]:
         row["toe clearance [mm]"] = f"{1e3 * left['toe_clearance_mean_m']:.0f}"
         row["knee error [deg]"] = f"{left['rmse_knee_by_contact_deg']:.1f}"
     feet.append(row)
-form.write_results({"rows": rows, "feet": feet})
+form.write_results({"rows": rows, "measured": measured, "feet": feet})
 print(pd.DataFrame(feet).fillna("").to_string(index=False))
