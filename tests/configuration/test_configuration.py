@@ -25,6 +25,7 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.parameters.environment import CONTACTS
 from twin_gait.parameters.friction import AsymmetricFriction, LuGreFriction
 from twin_gait.vocabulary import JointName
 
@@ -94,6 +95,15 @@ def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp
         assert first.log[name].equals(second.log[name]), name
 
 
+@pytest.mark.parametrize("preset", ["treadmill", "overground"])
+def test_a_word_stands_for_a_whole_set_of_contact_parameters(preset):
+    experiment = load_experiment(preset, ["scenario.contact=calibrated"]).experiment
+    assert experiment.scenario.contact == CONTACTS["calibrated"]
+    assert reread(experiment_document(experiment)).scenario.contact == CONTACTS["calibrated"]
+    with raises(ParameterFileError, "scenario.contact", "soft or calibrated", "'hard'"):
+        load_experiment(preset, ["scenario.contact=hard"])
+
+
 def test_a_file_over_a_preset_changes_only_its_keys(tmp_path):
     path = tmp_path / "heavy.yaml"
     path.write_text("schema_version: 2\npreset: treadmill\npatient: {mass_kg: 85}\n")
@@ -160,6 +170,8 @@ def test_each_engine_has_its_own_default_integrator():
         (("scenario.belt_speed_km_per_h=2",), 0.2e-3),
         (("scenario.belt_speed_km_per_h=4",), 0.125e-3),  # the estimate of the load peak is limited
         (("scenario.contact.transition_velocity_m_per_s=0.01",), 0.05e-3),
+        (("scenario.contact=calibrated",), 0.25e-3),
+        (("scenario.contact.stiffness_N_per_m1p5=2e6",), 0.2e-3),
         (("scenario.contact.transition_velocity_m_per_s=1e-5",), 0.01e-3),  # the smallest
     ],
 )

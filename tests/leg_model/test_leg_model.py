@@ -365,6 +365,23 @@ def test_feet_as_they_are_drawn_fit_a_wearer_of_175_cm_to_the_bit(
         assert model.inertias[foot] == twin.model.inertias[foot]
 
 
+@pytest.mark.parametrize("share", [0.77, 0.74])
+def test_distance_of_heel_and_forefoot_is_a_share_of_the_foot(
+    both_legs: dict[Side, LegJoints], share: float
+) -> None:
+    """A foot has 0.152 of the height (Winter); only the forefoot moves, on the level line from the heel."""
+    patient = Patient(height=1.6)
+    drawn = LegModel("twin.urdf", both_legs, patient=patient)
+    model = LegModel("twin.urdf", both_legs, patient=patient, heel_to_forefoot=share)
+    for leg in both_legs.values():
+        heel, toe = (model.frame_position(np.zeros(model.nv), name) for name in leg.contact_frames)
+        assert_allclose(toe - heel, [share * 0.152 * 1.6, 0.0, 0.0], atol=1e-15)
+        assert np.array_equal(heel, drawn.frame_position(np.zeros(model.nv), leg.contact_frames[0]))
+    assert all(
+        ours == theirs for ours, theirs in zip(model.model.inertias, drawn.model.inertias, strict=True)
+    )
+
+
 def test_plate_of_a_longer_foot_has_its_mass_farther_out(both_legs: dict[Side, LegJoints]) -> None:
     """0.6 kg, centre 0.05 m ahead of the ankle and 0.065 m below, 0.0034 kg·m² about it, at 1.75 m."""
     model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.925), bodies=BodySelection.DEVICE).model

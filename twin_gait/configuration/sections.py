@@ -178,6 +178,20 @@ def _section_or_literal(parameters: type[Any], word: LiteralAlias) -> Any:
     return Annotated[model | words, WrapValidator(read)]
 
 
+def _section_or_name(parameters: type[Any], sets: Mapping[str, Any]) -> Any:
+    """Return the type of a section, or of a word that stands for one of several sets of parameters."""
+    words: Any = Literal[tuple(sets)]
+
+    def read(value: Any, either: Callable[[Any], Any]) -> Any:
+        if not isinstance(value, str):
+            return either(value)
+        if value not in sets:
+            raise ValueError(f"expected {' or '.join(sets)}, or keys and values, got {value!r}")
+        return sets[value]
+
+    return Annotated[type_of(parameters) | words, WrapValidator(read)]
+
+
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
     """Return the type of a number in a unit, validated in SI."""
     return Annotated[_PLAIN[kind], AfterValidator(partial(to_si, item, factor))]
@@ -277,6 +291,9 @@ def _type(item: Declaration, kind: Any, factor: float) -> Any:
         return Annotated[model, AfterValidator(read)]
     if isinstance(kind, type) and issubclass(kind, Parameters):
         word = item.find_annotation(LiteralAlias)
+        named = item.find_annotation(quantities.NamedSets)
+        if named:
+            return _section_or_name(kind, named.sets)
         return _section_or_literal(kind, word) if word else type_of(kind)
     if kind is bool:
         return Flag

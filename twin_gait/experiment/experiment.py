@@ -354,6 +354,7 @@ class Experiment(Parameters):
             patient=patient,
             fit_device=self.leg.fit_device,
             manufactured=self.leg.sizes,
+            heel_to_forefoot=self.leg.heel_to_forefoot,
             driven_sides=self.sides,
             attachment=self.leg.attachment,
             pelvis=pelvis,

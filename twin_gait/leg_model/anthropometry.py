@@ -20,7 +20,8 @@ SHOULDER_BREADTH = 0.258  # twice the distance from the middle to a shoulder
 UPPER_ARM_LENGTH = 0.186
 FOREARM_LENGTH = 0.146  # distance from elbow to wrist
 # Distances from the heel along the foot, as fractions of its length: the ankle (gait2d: 0.06 of 0.21 m) and
-# the head of the second metatarsal (an assumption; the tables do not give its position).
+# the head of the second metatarsal (an assumption). That of the first one is at 0.74: ball of foot length
+# 194.75 mm and foot length 263.03 mm, means of the 6068 soldiers of ANSUR II.
 ANKLE_IN_FOOT = 0.25
 METATARSAL_IN_FOOT = 0.72
 # Distance from greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of
@@ -178,9 +179,12 @@ class DeviceSizes:
     # Length of the wearer's foot in [m]. The foot plate is scaled from its drawn size by the ratio of this
     # length to ``DRAWN_FOOT``.
     foot: float
+    heel_to_forefoot: float | None = None  # distance from heel to forefoot in [m]; None leaves it as drawn
 
 
-def device_sizes(patient: Patient, manufactured: ManufacturedSizes | None = None) -> DeviceSizes:
+def device_sizes(
+    patient: Patient, manufactured: ManufacturedSizes | None = None, heel_to_forefoot: float | None = None
+) -> DeviceSizes:
     """Return the sizes of the device for a wearer.
 
     The joints of wearer and device are assumed to be aligned: a difference between a manufactured size and
@@ -191,6 +195,8 @@ def device_sizes(patient: Patient, manufactured: ManufacturedSizes | None = None
         manufactured: Sizes in which the device is made: femur and waist are the nearest ones, and the tibia
             is adjusted to the shank. None for a device that is made to measure, which has the lengths of the
             body.
+        heel_to_forefoot: Distance of the points of a sole on the ground, as a share of the length of the
+            foot; None leaves them as they are drawn.
 
     Returns:
         The sizes; the foot plate is always made for the foot.
@@ -200,8 +206,10 @@ def device_sizes(patient: Patient, manufactured: ManufacturedSizes | None = None
     """
     height = patient.height
     tibia, foot = SHANK_LENGTH * height, FOOT_LENGTH * height
+    apart = None if heel_to_forefoot is None else heel_to_forefoot * foot
     if manufactured is None:
-        return DeviceSizes(femur=THIGH_LENGTH * height, tibia=tibia, waist=HIP_BREADTH * height, foot=foot)
+        femur, waist = THIGH_LENGTH * height, HIP_BREADTH * height
+        return DeviceSizes(femur=femur, tibia=tibia, waist=waist, foot=foot, heel_to_forefoot=apart)
     low, high = manufactured.tibia
     least, most = math.ceil(1e3 * low / SHANK_LENGTH) / 1e3, math.floor(1e3 * high / SHANK_LENGTH) / 1e3
     expected = (
@@ -215,6 +223,7 @@ def device_sizes(patient: Patient, manufactured: ManufacturedSizes | None = None
         tibia=tibia,
         waist=min(manufactured.waist, key=lambda size: abs(size - hips)),
         foot=foot,
+        heel_to_forefoot=apart,
     )
 
 

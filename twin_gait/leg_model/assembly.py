@@ -126,7 +126,8 @@ class Assembly:
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
-        from the ankle in the same proportion.
+        from the ankle in the same proportion. Then the points of the sole move along the line from the heel,
+        if their distance is a part of the sizes.
         """
         lateral = self._lateral
         for leg in self.legs.values():
@@ -144,6 +145,16 @@ class Assembly:
                 for index in self._frames_of(ankle):
                     placement = self.model.frames[index].placement
                     placement.translation = placement.translation * ratio
+                if sizes.heel_to_forefoot is not None and len(leg.contact_frames) > 1:
+                    self._spread(leg.contact_frames, sizes.heel_to_forefoot)
+
+    def _spread(self, names: Sequence[str], distance: float) -> None:
+        """Set the distance in [m] from the first to the last frame of a body; the first one stays."""
+        heel, *others = (self.model.frames[self.model.getFrameId(name)].placement for name in names)
+        start = heel.translation.copy()
+        ratio = distance / float(np.linalg.norm(others[-1].translation - start))
+        for placement in others:
+            placement.translation = start + (placement.translation - start) * ratio
 
     def add_wearer(
         self, patient: Patient, replaced: Mapping[BodySegment, float], *, wearer_only: bool = False

@@ -51,6 +51,7 @@ class LegModel:
         patient: Patient | None = None,
         fit_device: bool = True,
         manufactured: ManufacturedSizes | None = None,
+        heel_to_forefoot: float | None = None,
         driven_sides: Sequence[Side] = (),
         attachment: Attachment | None = None,
         pelvis: PelvisGuide = PelvisGuide.FIXED,
@@ -68,6 +69,8 @@ class LegModel:
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia, waist and foot to the wearer's size.
             manufactured: Sizes in which the device is made; None for a device that is made to measure.
+            heel_to_forefoot: Distance from heel to forefoot of a fitted foot as a share of its length; None
+                leaves them as they are drawn.
             driven_sides: Legs with drives, and so with ``armature``; empty for all legs.
             attachment: Parts of the device on the segments of the wearer; None for none.
             pelvis: Guide of the pelvis.
@@ -87,7 +90,9 @@ class LegModel:
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        self.sizes = device_sizes(patient, manufactured) if patient is not None and fit_device else None
+        self.sizes = None
+        if patient is not None and fit_device:
+            self.sizes = device_sizes(patient, manufactured, heel_to_forefoot)
         alone = joints.BodySelection(bodies) is joints.BodySelection.WEARER
         fitting = Fitting(
             sizes=self.sizes,

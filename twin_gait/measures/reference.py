@@ -252,9 +252,10 @@ def normative_ground_force(percent: np.ndarray, *, speed: float) -> GroundForce:
 
     The forces are Winter's at slow cadence, the slowest that he gives. The forward force is scaled in
     proportion to the speed: its largest values of 0.162, 0.223 and 0.262 body weights at 1.0, 1.325 and
-    1.7 m/s are 0.154 to 0.168 of the speed in m/s. Below 1 m/s this is extrapolated; there the vertical
-    force, which is not scaled, is in reality flatter than at 1 m/s. ``percent`` of the gait cycle from foot
-    contact, in [%], any shape; the cycle repeats; ``speed``: walking speed in [m/s].
+    1.7 m/s are 0.154 to 0.168 of the speed in m/s. Below 1 m/s this is extrapolated; the vertical force is
+    not scaled. Coefficients of a regression for these speeds were not found (docs/reference/running.md).
+    ``percent`` of the gait cycle from foot contact, in [%], any shape; the cycle repeats; ``speed``: walking
+    speed in [m/s].
     """
     instants, table = np.mod(percent, CYCLE), _table() / WINTER_GRAVITY
     vertical, forward = (np.interp(instants, _table()[:, 0], table[:, column]) for column in (5, 6))

@@ -105,6 +105,13 @@ class LiteralAlias:
 
 
 @dataclass(frozen=True)
+class NamedSets:
+    """Words that a file may contain instead of a section, each with the parameters for which it stands."""
+
+    sets: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class CustomSerialized:
     """A field with its own serialization, which the section of its class in files implements."""
 

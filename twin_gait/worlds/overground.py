@@ -16,7 +16,7 @@ from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters import quantities
 from twin_gait.parameters.crutches import LEAN_ANGLES, ArmParameters, CrutchParameters
-from twin_gait.parameters.environment import ATTACHMENTS, ChairParameters, ContactParameters
+from twin_gait.parameters.environment import ATTACHMENTS, ChairParameters, Contact, ContactParameters
 from twin_gait.vocabulary import Environment, PelvisGuide, Side
 from twin_gait.worlds.arm_policy import SITTING, new_perception, new_policy, plant_crutch
 from twin_gait.worlds.standing import (
@@ -93,7 +93,7 @@ class Overground(SplitStance):
     arms: ArmParameters = field(default_factory=ArmParameters)
     harness: HarnessParameters = field(default_factory=HarnessParameters)
     chair: ChairParameters | None = None
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=ContactParameters)
     start: Literal["standing", "sitting"] = "standing"
     lean: Annotated[quantities.Angle, LEAN_ANGLES] = math.radians(8.0)
     shank: Annotated[quantities.Angle, SHANKS] = 0.0

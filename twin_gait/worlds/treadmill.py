@@ -10,7 +10,7 @@ from twin_gait.core.plant import Harness, Plant, Trunk
 from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.crutches import LEAN_ANGLES
-from twin_gait.parameters.environment import BeltProfile, ContactParameters, SupportParameters
+from twin_gait.parameters.environment import BeltProfile, Contact, ContactParameters, SupportParameters
 from twin_gait.parameters.quantities import (
     KM_PER_H,
     Angle,
@@ -45,13 +45,16 @@ RK4_LIMIT = 2.785  # Largest step over the time constant of a decay at which Run
 # once on 2026-11-29), rounded up. examples/validation.py checks the resulting steps with 64 other wearers.
 LOAD_PER_MASS = 1100.0
 # The same in braces, in which the foot of the wearer is lighter: the friction was unstable in 17 of 32 random
-# walks with a calibrated contact at steps for which 1100 is assumed, in none of them at half of these steps,
-# and at the limit for 1620 to 1740 (computed on 2026-11-30 with 50 to 110 kg, 1.50 to 1.95 m, 0.8 to 1.9 km/h
-# and supports of 20 to 80 %).
-BRACED_LOAD_PER_MASS = 1750.0
+# walks with calibrated feet at steps for which 1100 was assumed, in none of them at half of these steps, and
+# at the limit for 1620 to 1740, the growth with the stiffness included (computed on 2026-11-30 with 50 to
+# 110 kg, 1.50 to 1.95 m, 0.8 to 1.9 km/h and supports of 20 to 80 %).
+BRACED_LOAD_PER_MASS = 1550.0
 # It is proportional to the carried share of the weight up to SLOW in [m/s]. The load peaks of faster walks
 # are higher: 2.8 times the carried weight at 1.5 km/h, 7 times at 2.4 km/h. Growth in [s/m].
 SLOW, GROWTH_WITH_SPEED = 1.5 / 3.6, 5.8
+# With heels that are stiffer than this one in [N/m^1.5], the largest friction rates of 64 random wearers grow
+# by 1.16 (4.7e5), 1.50 (1e6) and 1.82 (2e6); a stiffer forefoot alone does not raise the load peak.
+FITTED_STIFFNESS, GROWTH_WITH_STIFFNESS = 3.0e5, 1.0 / 3.0
 BELT_RANGE = (0.5, 1.5)  # range of adjustment relative to the present speed; tables are made for one speed
 
 
@@ -93,7 +96,7 @@ class Treadmill(SplitStance):
     stop_ramp: Annotated[Time, RAMPS] = 0.5
     slope: Annotated[Angle, SLOPES] = 0.0
     support: SupportParameters = field(default_factory=SupportParameters)
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=ContactParameters)
     lean: Annotated[Angle, LEAN_ANGLES] = 0.0
     fall_lean: FallLean = FALL_LEAN
     fall_height_share: FallShare = FALL_SHARE
@@ -201,12 +204,13 @@ def largest_stable_step(
     Near rest the regularised friction of a foot with load F is a damper :math:`\mu F / v_t`, and the slip of
     the foot decays with the rate :math:`\lambda = \mu F / (v_t m)`, where the effective mass m of the foot is
     :math:`1 / (J M^{-1} J^T)`. Runge-Kutta is stable for :math:`h \lambda < 2.785`. F/m is estimated from
-    ``load_per_mass`` in [m/s²]. A walk with higher load peaks needs a smaller step; the energy balance of its
-    summary then shows it.
+    ``load_per_mass`` in [m/s²], and grows with the carried share, the speed and the stiffness of the heel. A walk
+    with higher load peaks needs a smaller step; the energy balance of its summary then shows it.
 
     ``belt_speed`` in [m/s]; ``carried_share``: share of the weight that the legs carry. Returns the step
     in [s], and the smallest one if none is stable.
     """
     share = carried_share * (1.0 + GROWTH_WITH_SPEED * max(0.0, belt_speed - SLOW))
-    rate = contact.friction_coefficient * load_per_mass * min(share, 1.0) / contact.transition_velocity
+    peak = load_per_mass * max(1.0, contact.stiffness / FITTED_STIFFNESS) ** GROWTH_WITH_STIFFNESS
+    rate = contact.friction_coefficient * peak * min(share, 1.0) / contact.transition_velocity
     return next((step for step in STEPS if step * rate < RK4_LIMIT), STEPS[-1])

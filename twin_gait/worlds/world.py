@@ -29,6 +29,8 @@ from twin_gait.parameters.quantities import (
     Inline,
     Mass,
     Parameters,
+    Range,
+    Ratio,
     UnitInKeys,
     declarations,
     from_attributes,
@@ -36,6 +38,8 @@ from twin_gait.parameters.quantities import (
 )
 from twin_gait.vocabulary import Environment, JointName, PelvisGuide, Side
 from twin_gait.worlds.arm_policy import ArmPolicy, Perception
+
+FOOT_SHARES = Range(0.5, 1.0, reason="a foot touches the ground from its heel to its toes")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +52,11 @@ class LegSource(Parameters):
         fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
         sizes: Sizes in which the device is made; none for a device that is made to measure, with the lengths
             of the wearer.
+        heel_to_forefoot: Distance from the heel to the forefoot, the points of a foot that touch the ground,
+            as a share of the length of the wearer's foot; the heel stays where it is. None leaves them as the
+            URDF draws them, for `twin` and `body` 0.83 (an assumption). gait2d has 0.77 (0.21 m at 1.80 m);
+            from the end of the heel to the ball of the foot it is 0.74 (ANSUR II: 194.75 of 263.03 mm, 6068
+            soldiers).
         driven_sides: Legs of the device, or none if it has all legs of the URDF.
         attachment: Parts of the device on the segments of the wearer, in addition to the links of the URDF.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
@@ -59,6 +68,7 @@ class LegSource(Parameters):
     legs: Annotated[Mapping[Side, LegJoints], Inline()] = field(default_factory=dict)
     fit_device: bool = True
     sizes: ManufacturedSizes | None = None
+    heel_to_forefoot: Annotated[Ratio | None, FOOT_SHARES] = None
     driven_sides: tuple[Side, ...] = ()
     attachment: Attachment = field(default_factory=Attachment)
     up_axis: Literal["y", "z"] = "z"
@@ -68,6 +78,8 @@ class LegSource(Parameters):
         """Check that there is at least one leg."""
         super().__post_init__()
         require(bool(self.legs), "legs", "the joint names of left, right or both legs", "none")
+        fitted = self.fit_device or self.heel_to_forefoot is None
+        require(fitted, "heel_to_forefoot", "null for feet that are not fitted", self.heel_to_forefoot)
         ordered = tuple(side for side in self.legs if side in self.driven_sides)
         known = f"one or more of {', '.join(self.legs)}, in this order"
         require(self.driven_sides == ordered, "driven_sides", known, ", ".join(self.driven_sides))
