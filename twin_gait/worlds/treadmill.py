@@ -204,8 +204,8 @@ def largest_stable_step(
     Near rest the regularised friction of a foot with load F is a damper :math:`\mu F / v_t`, and the slip of
     the foot decays with the rate :math:`\lambda = \mu F / (v_t m)`, where the effective mass m of the foot is
     :math:`1 / (J M^{-1} J^T)`. Runge-Kutta is stable for :math:`h \lambda < 2.785`. F/m is estimated from
-    ``load_per_mass`` in [m/s²], and grows with the carried share, the speed and the stiffness of the heel. A walk
-    with higher load peaks needs a smaller step; the energy balance of its summary then shows it.
+    ``load_per_mass`` in [m/s²], and grows with the carried share, the speed and the stiffness of the heel. A
+    walk with higher load peaks needs a smaller step; the energy balance of its summary then shows it.
 
     ``belt_speed`` in [m/s]; ``carried_share``: share of the weight that the legs carry. Returns the step
     in [s], and the smallest one if none is stable.
