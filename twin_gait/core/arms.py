@@ -60,6 +60,7 @@ class Arm:
     """State and parameters of an arm and its crutch.
 
     Attributes:
+        number: Number of the crutch, from 1 on.
         index: Index of the tip's forward coordinate; its height is the next coordinate.
         mass: Mass of the tip in [kg].
         push_limit: Largest force with which the arm pushes the tip away in [N].
@@ -86,6 +87,7 @@ class Arm:
         perceived_chair_state: Last perceived state of a chair.
         distance_delay: Delayed distance of the tip in front of the shoulder, as the person perceives it.
         load_delay: Delayed load on the tip, as the person perceives it.
+        perceived_load: Last perceived load on the tip in [N].
     """
 
     index: int
@@ -96,6 +98,7 @@ class Arm:
     grip: Grip
     distance_delay: DelayLine
     load_delay: DelayLine
+    number: float = 1.0
     max_length: float = math.inf
     straight_stiffness: float = 0.0
     tip_stiffness: float = 1.0
@@ -112,6 +115,7 @@ class Arm:
     reach: float = 0.0
     first_length: float = 0.0
     perceived_chair_state: float = 0.0
+    perceived_load: float = 0.0
     tip: ContactState = field(default_factory=ContactState)
 
 

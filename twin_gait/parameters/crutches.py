@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from twin_gait.parameters import quantities
 
 LEAN_ANGLES = quantities.Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
 DELAYS = quantities.Range(0.0, 1.0, words="0 to 1 s")
 CRUTCHES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="the mass of ten aluminium crutches")
+Pattern = Literal["as_needed", "four_point", "two_point"]
+PATTERNS: tuple[str, ...] = get_args(Pattern)
 PUSHES = quantities.Range(0.0, 1.0, reason="the whole weight on each hand")
 
 
@@ -55,10 +57,15 @@ class ArmParameters(quantities.Parameters):
     within the range of loaded arms (Tee et al. 2004; Perreault et al. 2001).
 
     Attributes:
+        pattern: Order of crutches and feet: ``as_needed`` lifts a tip that has come near, ``four_point``
+            moves a crutch before each step of the opposite leg, ``two_point`` moves it together with the leg.
+        announce_load: Load on each crutch from which the person announces a step, with another pattern than
+            ``as_needed``, in [N].
         delay: Delay from perception to the action of the muscles in [s]; people in stance have 0.15 to 0.19
             (Peterka 2002).
         lean: Lean of the trunk that the person maintains in [rad].
         axial_force: Push on each crutch, as a share of the weight of wearer and device.
+        min_axial_force: Least push on each crutch in front, as a share of the weight.
         axial_force_per_lean: Increase of the push with additional lean of the trunk, as a share of the
             weight per [rad].
         axial_force_per_lean_rate: Increase of the push with the rate of the lean, as a share of the weight
@@ -94,9 +101,12 @@ class ArmParameters(quantities.Parameters):
         straightening: Speed at which they lengthen afterwards, until the hands feel no load, in [m/s].
     """
 
+    pattern: Pattern = "as_needed"
+    announce_load: Annotated[quantities.Force, quantities.NOT_NEGATIVE] = 20.0
     delay: Annotated[quantities.Time, DELAYS] = 0.15
     lean: Annotated[quantities.Angle, LEAN_ANGLES] = 8.0 * quantities.DEGREE
     axial_force: Annotated[quantities.Ratio, PUSHES] = 0.1
+    min_axial_force: Annotated[quantities.Ratio, PUSHES] = 0.0
     axial_force_per_lean: Annotated[quantities.PerAngle, quantities.NOT_NEGATIVE] = 0.7
     axial_force_per_lean_rate: Annotated[quantities.PerAngularVelocity, quantities.NOT_NEGATIVE] = 0.2
     shoulder_moment: quantities.Torque = 5.0

@@ -169,6 +169,7 @@ class Overground(SplitStance):
             arm = quantities.from_attributes(
                 Arm,
                 crutches,
+                number=1.0 + len(arms),
                 index=world.model.nv + len(tips),
                 max_length=longest,
                 anchor=forward + ahead,

@@ -33,7 +33,7 @@ from twin_gait.simulation.build_flags import (
     WITH_SEAT,
 )
 from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Episode
-from twin_gait.worlds.arm_policy import REACHING_BACK, move_arm
+from twin_gait.worlds.arm_policy import REACHING_BACK, announce_step, move_arm
 
 LIMBS_PER_LEG = 2  # Thigh and shank, which move hip and knee, controlled or not.
 
@@ -214,15 +214,22 @@ def update_tip_anchors(e: Episode) -> None:
 def update_arms(e: Episode, tick: int) -> None:
     """Compute the delayed perception of the wearer, and move the arms with it."""
     sense = e.perception
-    stepping, chair = 0.0, 0.0
-    for leg in e.controller.legs:
+    left, right = e.limbs[0].index + WEARER_OFFSET, e.limbs[LIMBS_PER_LEG].index + WEARER_OFFSET
+    stepping, chair, turn = 0.0, 0.0, 1.0 if e.q[left] > e.q[right] else 2.0
+    for number in range(len(e.controller.legs)):
+        leg = e.controller.legs[number]
         stepping = max(stepping, e.swing_phases[leg.phase])
         chair = max(chair, e.chair_phases[leg.phase])
+        if e.swing_phases[leg.phase] > 0.0:
+            turn = float(N_CRUTCHES - e.soles[number])
+    if e.controller.device_signals.walk == 0.0:
+        turn = 0.0
     sense.lean = delayed_sample(sense.lean_delay, tick, e.q[PITCH_INDEX])
     sense.lean_rate = delayed_sample(sense.lean_rate_delay, tick, e.v[PITCH_INDEX])
     sense.stepping = delayed_sample(sense.stepping_delay, tick, stepping)
     sense.ticks_since_swing = 0 if sense.stepping > 0.0 else sense.ticks_since_swing + 1
     sense.chair_state = delayed_sample(sense.chair_delay, tick, chair)
+    sense.turn = delayed_sample(sense.turn_delay, tick, turn)
     sine, _ = sine_cosine(e.q[PITCH_INDEX])
     shoulder = e.q[FORWARD_INDEX] + e.trunk.shoulder * sine
     for number in range(N_CRUTCHES):
@@ -230,6 +237,19 @@ def update_arms(e: Episode, tick: int) -> None:
         ahead = delayed_sample(arm.distance_delay, tick, e.q[arm.index] - shoulder)
         load = delayed_sample(arm.load_delay, tick, arm.tip.upward)
         move_arm(e.policy, sense, arm, e.arms[N_CRUTCHES - 1 - number], ahead, load)
+    announce_step(e.policy, sense, e.arms[0], e.arms[1])
+    if not WITH_SUPERVISOR:
+        e.controller.device_signals.step = 1.0
+        withhold_step(e, tick)
+
+
+def withhold_step(e: Episode, tick: int) -> None:
+    """Let the device wait, as after a command to stand, while a wearer with crutches announces no step."""
+    if N_CRUTCHES > 0:
+        if e.perception.announcement == 0.0:
+            e.controller.device_signals.step = 0.0
+            if e.perception.stepping == 0.0:
+                e.controller.last_stand_tick = tick
 
 
 def tip_energy(e: Episode) -> tuple[float, float]:
