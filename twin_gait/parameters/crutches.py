@@ -19,9 +19,12 @@ class CrutchParameters(quantities.Parameters):
     """Two forearm crutches and the arms that hold them.
 
     Attributes:
-        mass: Effective mass of a crutch at its tip, for its rotation about the shoulder, in [kg] (an
-            assumption: crutches of aluminium have 0.45 to 0.65 kg, with the centre of mass half way up; the
-            arm counts with the trunk).
+        mass: Mass of a crutch in [kg] (an assumption: crutches of aluminium have 0.45 to 0.65 kg).
+        centre_of_mass: Distance of the crutch's centre of mass from its tip in [m]; 0 for a point mass at the
+            tip. Half way up a crutch of 1.1 m are 0.55 m (an assumption).
+        inertia: Moment of inertia about the centre of mass in [kg·m²]; 0 for a point mass. A rod of 0.5 kg
+            and 1.1 m has 0.05; the arm that turns with it adds 0.5 about the shoulder, computed for 70 kg
+            from Winter 2009, table 4.1. The mass of the arm itself counts with the trunk.
         length: Length of straight arm and crutch as a share of the height of the wearer: 0.485 to the grip at
             the wrist and 0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
         slack: Distance beyond that length at which the hand lets go, in [m] (an assumption).
@@ -34,11 +37,15 @@ class CrutchParameters(quantities.Parameters):
             mass of the crutch).
         push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
             as others, Kotajarvi et al. 2002; lifting oneself requires half the weight on each hand).
-        pull_limit: Largest force with which an arm lifts a crutch in [N] (an assumption).
+        pull_limit: Largest force with which the muscles of an arm lift a crutch in [N] (an assumption).
+        tension_limit: Largest tension of an arm in [N], also of a straight one; the hand yields to a larger
+            one. Infinity for a hand that always holds on, so that only the muscles are limited.
         moment_limit: Largest moment of a shoulder in [N·m] (an assumption; men typically reach 60 to 95).
     """
 
     mass: Annotated[quantities.Mass, CRUTCHES] = 0.5
+    centre_of_mass: Annotated[quantities.Length, quantities.Range(0.0, 1.5)] = 0.0
+    inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.0
     length: Annotated[quantities.Ratio, quantities.Range(0.6, 1.1)] = 0.817
     slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
     straight_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 5.0e3
@@ -46,6 +53,7 @@ class CrutchParameters(quantities.Parameters):
     tip_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 100.0
     push_limit: Annotated[quantities.Force, quantities.NOT_NEGATIVE] = 400.0
     pull_limit: Annotated[quantities.Force, quantities.NOT_NEGATIVE] = 100.0
+    tension_limit: Annotated[quantities.Force, quantities.NON_NEGATIVE_OR_INFINITE] = math.inf
     moment_limit: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 60.0
 
 
