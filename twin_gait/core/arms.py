@@ -1,8 +1,8 @@
 r"""An arm that holds a crutch, modelled as a strut from the shoulder to the tip of the crutch.
 
-The mass of the crutch is at its tip, or that of a rod along the strut (:func:`crutch_acceleration`). In the sagittal plane the arm can change the strut's length ℓ (elbow) and turn it
-against the trunk (shoulder): it pushes along the strut with the force P and turns it with the moment M, so
-that the force on the tip is
+The mass of the crutch is at its tip, or that of a rod along the strut (:func:`crutch_acceleration`). In the
+sagittal plane the arm can change the strut's length ℓ (elbow) and turn it against the trunk (shoulder): it
+pushes along the strut with the force P and turns it with the moment M, so that the force on the tip is
 
 .. math::
 
@@ -67,7 +67,7 @@ class Arm:
         pull_limit: Largest force with which the arm pulls the tip towards the shoulder in [N].
         moment_limit: Largest moment of the shoulder in [N·m].
         max_length: Length of the strut with a straight arm in [m].
-        tension_limit: Largest tension in [N] of arm and hand, straight or bent; a hand yields to a larger one.
+        tension_limit: Largest tension of a bent or straight arm in [N]; the hand yields to a larger one.
         centre_of_mass: Distance of the centre of mass from the tip in [m].
         inertia: Moment of inertia about the centre of mass in [kg·m²].
         straight_stiffness: Stiffness of a straight arm, which the hand holds on to, in [N/m].
@@ -208,7 +208,7 @@ def crutch_acceleration(
 
     Args:
         arm: Arm after :func:`arm_force`.
-        turning: Angular velocity of the strut :math:`\dot\varphi` in [rad/s], forwards positive while it hangs.
+        turning: Angular velocity of the strut :math:`\dot\varphi` in [rad/s], positive along n.
         forces: Forward and upward force F of arm and ground on the tip in [N].
         gravity: Gravitational acceleration in [m/s²].
         shoulder: Forward and upward acceleration of the shoulder in [m/s²].

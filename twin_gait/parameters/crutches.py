@@ -27,6 +27,8 @@ class CrutchParameters(quantities.Parameters):
             from Winter 2009, table 4.1. The mass of the arm itself counts with the trunk.
         length: Length of straight arm and crutch as a share of the height of the wearer: 0.485 to the grip at
             the wrist and 0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
+        tip_aside: Lateral distance of a tip from the outer side of the foot in [m], for the margin in the
+            frontal plane only (recalled: 6 inches, the usual instruction).
         slack: Distance beyond that length at which the hand lets go, in [m] (an assumption).
         straight_stiffness: Stiffness of a straight arm and the hand that holds on, in [N/m] (an
             assumption: shoulder girdle and wrist reduce the stiffness of the elbow to 5 to 15 kN/m).
@@ -47,6 +49,7 @@ class CrutchParameters(quantities.Parameters):
     centre_of_mass: Annotated[quantities.Length, quantities.Range(0.0, 1.5)] = 0.0
     inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.0
     length: Annotated[quantities.Ratio, quantities.Range(0.6, 1.1)] = 0.817
+    tip_aside: Annotated[quantities.Length, quantities.Range(0.0, 1.0)] = 0.15
     slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
     straight_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 5.0e3
     tip_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 20.0e3

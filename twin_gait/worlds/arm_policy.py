@@ -174,6 +174,7 @@ def move_arm(
         _push_on_front_crutch(policy, perception, arm, other)
         if policy.pattern != AS_NEEDED and perception.turn > 0.0:
             if load < policy.arms.touch:
+                arm.reach = arm.grip.angle - perception.lean
                 _lower(policy, arm)
             else:
                 _lift_for_step(policy, perception, arm, other)
