@@ -42,7 +42,7 @@ from dataclasses import dataclass
 
 from twin_gait.core.arms import Arm, clamp, set_grip_angle
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
-from twin_gait.core.estimation import DelayLine, first_order_gain, new_delay_line
+from twin_gait.core.estimation import PERCEPTION_CAPACITY, DelayLine, first_order_gain, new_delay_line
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.crutches import PATTERNS, ArmParameters
 
@@ -140,8 +140,10 @@ def new_perception(delay: int, lean: float, chair: float = 0.0) -> Perception:
         lean: Lean in [rad].
         chair: Perceived state of sitting on a chair.
     """
-    rate, stepping, turn = new_delay_line(delay), new_delay_line(delay), new_delay_line(delay)
-    return Perception(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair), turn)
+    leans, rates, steps, chairs, turns = (
+        new_delay_line(delay, value, PERCEPTION_CAPACITY) for value in (lean, 0.0, 0.0, chair, 0.0)
+    )
+    return Perception(leans, rates, steps, chairs, turns)
 
 
 def move_arm(
