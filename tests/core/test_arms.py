@@ -468,7 +468,7 @@ def test_a_crutch_moves_by_the_equations_of_lagrange(
     arm.direction_x, arm.direction_z = away / arm.length
     arm.along_speed = float(away @ along) / arm.length
     turning = float(away[0] * along[1] - away[1] * along[0]) / arm.length**2
-    x, z, reaction = crutch_acceleration(arm, turning, (pushed[0], pushed[1]), gravity, shoulder)
+    x, z, reaction = crutch_acceleration(arm, turning, pushed[0], pushed[1], gravity, *shoulder)
 
     def momentum(at: np.ndarray) -> np.ndarray:
         """Gradient of a quadratic form of the velocities, which a central difference gives exactly."""
@@ -514,7 +514,7 @@ def test_a_hanging_crutch_swings_with_the_period_of_a_physical_pendulum() -> Non
         held = 2e4 * (length - arm.length) - 60.0 * arm.along_speed
         turning = (x * vz - z * vx) / arm.length**2
         pushed = (held * arm.direction_x, held * arm.direction_z)
-        ax, az, _ = crutch_acceleration(arm, turning, pushed, 9.81, (0.0, 0.0))
+        ax, az, _ = crutch_acceleration(arm, turning, *pushed, 9.81, 0.0, 0.0)
         vx, vz, before = vx + step * ax, vz + step * az, x
         x, z = x + step * vx, z + step * vz
         if before > 0.0 >= x:
@@ -530,5 +530,5 @@ def test_a_hanging_crutch_swings_with_the_period_of_a_physical_pendulum() -> Non
 def test_a_point_mass_at_the_tip_has_no_reaction() -> None:
     arm = rod(centre=0.0, inertia=0.0)
     forces(arm, np.array([0.0, 0.9, 0.1, 0.3, 0.05]), np.ones(5))
-    found = crutch_acceleration(arm, 1.0, (3.0, 4.0), 9.81, (5.0, -6.0))
+    found = crutch_acceleration(arm, 1.0, 3.0, 4.0, 9.81, 5.0, -6.0)
     assert found == (3.0 / 0.5, 4.0 / 0.5 - 9.81, 0.0)

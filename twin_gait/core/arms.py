@@ -186,9 +186,11 @@ def arm_force(
 def crutch_acceleration(
     arm: Arm,
     turning: float,
-    forces: tuple[float, float],
+    force_x: float,
+    force_z: float,
     gravity: float,
-    shoulder: tuple[float, float],
+    shoulder_x: float,
+    shoulder_z: float,
 ) -> tuple[float, float, float]:
     r"""Compute the acceleration of the tip of a crutch, and the reaction of its inertia on the shoulder.
 
@@ -209,18 +211,20 @@ def crutch_acceleration(
     Args:
         arm: Arm after :func:`arm_force`.
         turning: Angular velocity of the strut :math:`\dot\varphi` in [rad/s], positive along n.
-        forces: Forward and upward force F of arm and ground on the tip in [N].
+        force_x: Forward force of arm and ground on the tip in [N].
+        force_z: Upward force of arm and ground on the tip in [N].
         gravity: Gravitational acceleration in [m/s²].
-        shoulder: Forward and upward acceleration of the shoulder in [m/s²].
+        shoulder_x: Forward acceleration of the shoulder in [m/s²].
+        shoulder_z: Upward acceleration of the shoulder in [m/s²].
 
     Returns:
         Forward and upward acceleration of the tip in [m/s²], and :math:`R_n` in [N].
     """
     ex, ez, share = arm.direction_x, arm.direction_z, arm.centre_of_mass / arm.length
     spin = arm.inertia / (arm.mass * arm.length * arm.length)
-    free_x, free_z = forces[0] / arm.mass, forces[1] / arm.mass - gravity
+    free_x, free_z = force_x / arm.mass, force_z / arm.mass - gravity
     coupling, weight = share * (1.0 - share) - spin, -gravity * ex
-    moved = ex * shoulder[1] - ez * shoulder[0] + 2.0 * arm.along_speed * turning
+    moved = ex * shoulder_z - ez * shoulder_x + 2.0 * arm.along_speed * turning
     free = ex * free_z - ez * free_x
     across = (free - share * weight - coupling * moved) / ((1.0 - share) * (1.0 - share) + spin)
     inward = arm.centre_of_mass * turning * turning

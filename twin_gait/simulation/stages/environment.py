@@ -232,9 +232,12 @@ def _crutch_acceleration(
     pitching, squared = e.a[PITCH_INDEX], v[PITCH_INDEX] * v[PITCH_INDEX]
     shoulder_x = e.a[FORWARD_INDEX] + up * pitching - ahead * squared
     shoulder_z = e.a[PELVIS_INDEX] - ahead * pitching - up * squared
-    forces = (e.torque[arm.index] + arm.tip.forward, e.torque[arm.index + 1] + arm.tip.upward)
+    force_x, force_z = e.torque[arm.index] + arm.tip.forward, e.torque[arm.index + 1] + arm.tip.upward
     turning = arm.aside_speed / arm.length - v[PITCH_INDEX]
-    return crutch_acceleration(arm, turning, forces, e.gravity, (shoulder_x, shoulder_z))
+    forward, upward, reaction = crutch_acceleration(
+        arm, turning, force_x, force_z, e.gravity, shoulder_x, shoulder_z
+    )
+    return forward, upward, reaction
 
 
 def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
@@ -243,7 +246,9 @@ def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
         arm = e.arms[number]
         index, tip = arm.index, arm.tip
         ahead, up = _shoulder_position(e, arm, q)
-        e.a[index], e.a[index + 1], _ = _crutch_acceleration(e, arm, ahead, up, v)
+        forward, upward, _ = _crutch_acceleration(e, arm, ahead, up, v)
+        e.a[index] = forward
+        e.a[index + 1] = upward
         e.contact_power += tip.forward * v[index] + tip.upward * v[index + 1]
 
 
