@@ -149,6 +149,7 @@ class Controller:
         self.machines = {side: PhaseMachine(problem.table, starts[side]) for side in problem.sides}
         feet = problem.world.model.sides
         self._feet = [feet.index(side) for side in problem.sides]  # the other leg may have no device
+        self.may_step = True  # the step command of the person with crutches
         self._blended = problem.phase_rows[np.arange(len(self.machines)), self.phases()]
         self._start = self._blended.copy()
 
@@ -168,7 +169,7 @@ class Controller:
         self._device = {
             "trunk.pitch_deg": 0.0 if pitch is None else float(q[pitch]),
             "walk": 1.0,
-            "step": 1.0,
+            "step": float(self.may_step),
         }
         self._decide(tick)
         stiffness, damping, equilibrium, gain = self._parameters()
@@ -283,9 +284,6 @@ class LegPlant:
         self.upper_body = UpperBody(problem, self._normal_force) if world.arms else None
         self.muscles: OwnGait | None = None
         self._straps = None if world.trunk is None or world.arms else Straps(problem)
-        self._crutch, self._gravity = 0.0, given.gravity
-        if world.arms:
-            self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
 
     def passive_torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Compute friction without load, stops, springs and support on the coordinates, shape ``(nv,)``."""
@@ -327,11 +325,12 @@ class LegPlant:
         """Compute the accelerations under motors, passive torques and contact, shape ``(nv,)``."""
         n = self.model.nv
         torque = np.zeros(len(q)) if self.upper_body is None else self.upper_body.torque(q, v)
-        torque[:n] += self.passive_torque(q[:n], v[:n])
+        body = torque[:n] + self.passive_torque(q[:n], v[:n])
+        if self.upper_body is not None:
+            body += self.upper_body.react(q, v, torque)
         forces = (self._contact_forces(q[:n], v[:n]),) if self._frames else ()
-        legs = self._geared_acceleration(q[:n], v[:n], motor[:n], torque[:n], forces)
-        tips = torque[n:] / (self._crutch or 1.0)
-        tips[1::2] -= self._gravity
+        legs = self._geared_acceleration(q[:n], v[:n], motor[:n], body, forces)
+        tips = [] if self.upper_body is None else self.upper_body.accelerate(q, v, torque, legs)
         return np.array([*legs, *tips])
 
     def loads(self, q: np.ndarray, v: np.ndarray) -> list[float]:
@@ -506,8 +505,9 @@ def motion(problem: SimulationSetup, ticks: int) -> RecordedMotion:
         if leg.muscles is not None:
             leg.muscles.decide(tick, q, v, loads)
         if leg.upper_body is not None:
-            swinging = any(problem.table.is_swing(machine.phase) for machine in controller.machines.values())
-            leg.upper_body.decide(q, v, swinging)
+            swings = [problem.table.is_swing(machine.phase) for machine in controller.machines.values()]
+            leg.upper_body.decide(q, v, swings)
+            controller.may_step = leg.upper_body.announces
         trace.q[tick], trace.motor[tick], trace.phases[tick] = q, motor, controller.phases()
         for _ in range(stepping.substeps):
             q, v = leg.step(q, v, motor, stepping.step, rk4)

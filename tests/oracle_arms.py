@@ -31,6 +31,11 @@ class UpperBody:
         self.rubbing = scenario.contact.friction_coefficient
         self.longest = self.limits.length * self.tall
         self.body = [model.forward_index, model.pelvis_index, model.pitch_index]
+        self.gravity, self.last = problem.experiment.plant.gravity, np.zeros(model.nv)
+        self.hips = [model.index(side, "hip") for side in model.sides]
+        self.turn: int | None = None  # crutch of the present or next step
+        self.moved: int | None = None  # crutch that has been lifted for it
+        self.announces = True  # whether the device may step
         q, self.tick, self.still, self.felt = problem.world.start_q, 0, 0, []
         self.first_lean = float(q[self.body[2]])
         self.arms = []
@@ -71,16 +76,53 @@ class UpperBody:
         found[pitch] -= above * np.sin(q[pitch]) * pull
         for arm in self.arms:
             arm.length, angle, growing, turning = self._strut(q, arm.tip)
+            arm.growing, arm.turning = growing, turning
             push = arm.push + arm.k * (arm.held - arm.length) - arm.b * (growing @ v)
             arm.off = arm.held * np.sin(arm.held_angle - angle)
             moment = arm.turn + arm.length * (arm.kt * arm.off - arm.bt * arm.length * (turning @ v))
             stretched = limits.straight_stiffness * max(arm.length - self.longest, 0.0)
-            found += (np.clip(push, -limits.pull_limit, limits.push_limit) - stretched) * growing
+            pulled = np.clip(push, -limits.pull_limit, limits.push_limit) - stretched
+            found += max(pulled, -limits.tension_limit) * growing
             found += np.clip(moment, -limits.moment_limit, limits.moment_limit) * turning
             arm.load = self.pressed(q[arm.tip[1]], v[arm.tip[1]])
             sheared = limits.tip_stiffness * (q[arm.tip[0]] - arm.stuck) + limits.tip_damping * v[arm.tip[0]]
             most = self.rubbing * arm.load
             found[arm.tip] += -np.clip(sheared, -most, most), arm.load
+        return found
+
+    def _rod(self, q: np.ndarray, v: np.ndarray, arm: SimpleNamespace) -> tuple[np.ndarray, np.ndarray]:
+        """Return mass matrix, and forces of gravity and motion, of a rod for the body and its tip."""
+        at, c, m = [*self.body, *arm.tip], self.limits.centre_of_mass, self.limits.mass
+        shoulder = SHOULDER * self.tall * np.exp(1j * (0.5 * np.pi - q[self.body[2]]))
+        away = complex(*q[arm.tip]) - complex(*q[self.body[:2]]) - shoulder
+        e = away / arm.length
+        turning = arm.turning[at] - np.array([0.0, 0.0, 1.0, 0.0, 0.0])
+        centre = np.array([0.0, 0.0, 0.0, 1.0, 1j]) - 1j * c * e * turning
+        mass = m * (centre[:, None] * centre.conj()).real + self.limits.inertia * np.outer(turning, turning)
+        spin, pitching = turning @ v[at], v[self.body[2]]
+        spun = (
+            (-1j * e.conjugate() * shoulder).real * pitching**2 - 2.0 * spin * (arm.growing @ v)
+        ) / arm.length
+        moved = -c * e * (1j * spun - spin**2) + 1j * self.gravity
+        return mass, -m * (centre.conj() * moved).real - self.limits.inertia * spun * turning
+
+    def react(self, q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Return the reactions of the rods on the body for its last accelerations, shape ``(nv,)``."""
+        found = np.zeros(len(self.last))
+        for arm in self.arms:
+            mass, forces = self._rod(q, v, arm)
+            body = self.last[self.body]
+            tip = np.linalg.solve(mass[3:, 3:], torque[arm.tip] + forces[3:] - mass[3:, :3] @ body)
+            found[self.body] += forces[:3] - mass[:3] @ np.array([*body, *tip])
+        return found
+
+    def accelerate(self, q: np.ndarray, v: np.ndarray, torque: np.ndarray, body: np.ndarray) -> list[float]:
+        """Return the accelerations of the tips for those of the body."""
+        found, self.last = list[float](), body
+        for arm in self.arms:
+            mass, forces = self._rod(q, v, arm)
+            right = torque[arm.tip] + forces[3:] - mass[3:, :3] @ body[self.body]
+            found += [*np.linalg.solve(mass[3:, 3:], right)]
         return found
 
     def settle(self, q: np.ndarray) -> None:
@@ -97,18 +139,26 @@ class UpperBody:
         arm.k, arm.b = habit.stiffness, habit.damping
         arm.kt, arm.bt = habit.transverse_stiffness, habit.transverse_damping
 
-    def decide(self, q: np.ndarray, v: np.ndarray, swinging: bool) -> None:
+    def decide(self, q: np.ndarray, v: np.ndarray, swinging: list[bool]) -> None:
         """Decide on the arms in a tick from the sensations of the person before the delay."""
+        ahead = swinging[1] if any(swinging) else q[self.hips[0]] > q[self.hips[1]]
+        turn = 0 if ahead else 1  # the crutch opposite to the leg of the step
         aheads, loads = [self._ahead(q, arm) for arm in self.arms], [arm.load for arm in self.arms]
-        self.felt.append((q[self.body[2]], v[self.body[2]], swinging, aheads, loads))
+        self.felt.append((q[self.body[2]], v[self.body[2]], any(swinging), aheads, loads, turn))
         late = self.tick - round(self.habit.delay / TICK)
-        nothing = (self.first_lean, 0.0, False, self.first_ahead, [0.0, 0.0])
-        lean, rate, swinging, aheads, loads = self.felt[late] if late >= 0 else nothing
+        nothing = (self.first_lean, 0.0, False, self.first_ahead, [0.0, 0.0], None)
+        lean, rate, steps, aheads, loads, self.turn = self.felt[late] if late >= 0 else nothing
         self.tick += 1
-        self.still = 0 if swinging else self.still + 1
+        self.still = 0 if steps else self.still + 1
         for arm, other, ahead, load in zip(self.arms, self.arms[::-1], aheads, loads, strict=True):
             arm.since += 1
-            getattr(self, f"_{arm.doing}")(arm, other, lean, rate, swinging, ahead, load)
+            getattr(self, f"_{arm.doing}")(arm, other, lean, rate, steps, ahead, load)
+        if self.habit.pattern != "as_needed" and self.turn is not None:
+            if steps == (self.habit.pattern == "four_point"):
+                self.moved = None
+            planted = all(arm.doing == "planted" for arm in self.arms)
+            prepared = self.habit.pattern == "two_point" or self.moved == self.turn
+            self.announces = not steps and planted and prepared and min(loads) > self.habit.announce_load
 
     def _planted(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
         habit, rest = self.habit, round(self.habit.planted / TICK)
@@ -118,22 +168,34 @@ class UpperBody:
             + habit.axial_force_per_lean_rate * rate
         )
         arm.push, arm.turn = (
-            np.clip(wanted * self.weight, 0.0, self.limits.push_limit),
+            np.clip(wanted * self.weight, habit.min_axial_force * self.weight, self.limits.push_limit),
             -habit.shoulder_moment,
         )
         share = 1.0 - np.exp(-TICK / habit.yielding)
         arm.held += share * (arm.length - arm.held)
         arm.held_angle -= share * arm.off / arm.length
         stand = min(arm.since, other.since) > rest and other.doing == "planted"
+        if habit.pattern != "as_needed" and self.turn is not None:
+            mine = self.arms.index(arm) == self.turn != self.moved
+            if load < habit.touch:
+                arm.reach = arm.held_angle - lean
+                self._lower(arm)
+            elif stand and mine and swinging == (habit.pattern == "two_point"):
+                self.moved = self.turn
+                self._lift(arm, lean, habit.reach)
+            return
         comes, away = ahead < habit.lift_ahead, abs(ahead - self.longest * np.sin(habit.stand_reach))
         still = min(self.still, arm.since, other.since) > habit.still / TICK
         replaces = still and away > habit.stand_slack
         if stand and not swinging and (comes or replaces):
-            arm.doing, arm.since, arm.begin = "swung", 0, arm.held_angle - lean
-            arm.reach = habit.reach if comes else habit.stand_reach
-            arm.push, arm.turn, arm.held = 0.0, 0.0, arm.length - habit.clearance
-            arm.k = arm.kt = habit.swing_stiffness
-            arm.b = arm.bt = habit.swing_damping
+            self._lift(arm, lean, habit.reach if comes else habit.stand_reach)
+
+    def _lift(self, arm: SimpleNamespace, lean: float, reach: float) -> None:
+        habit = self.habit
+        arm.doing, arm.since, arm.begin, arm.reach = "swung", 0, arm.held_angle - lean, reach
+        arm.push, arm.turn, arm.held = 0.0, 0.0, arm.length - habit.clearance
+        arm.k = arm.kt = habit.swing_stiffness
+        arm.b = arm.bt = habit.swing_damping
 
     def _swung(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
         s = min(arm.since * TICK / self.habit.swing, 1.0)
@@ -143,9 +205,12 @@ class UpperBody:
             arm.doing, arm.since = "lowered", 0
 
     def _lowered(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
+        self._lower(arm)
+        if load > self.habit.touch:
+            self._plant(arm)
+
+    def _lower(self, arm: SimpleNamespace) -> None:
         if arm.held < self.longest:
             arm.held = min(arm.held + self.habit.lowering * TICK, self.longest)
         else:
             arm.held_angle -= np.sign(arm.reach) * self.habit.lowering * TICK / self.longest
-        if load > self.habit.touch:
-            self._plant(arm)

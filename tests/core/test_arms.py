@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.arms import Arm, Grip, arm_force, set_grip_angle
+from twin_gait.core.arms import Arm, Grip, arm_force, crutch_acceleration, set_grip_angle
 from twin_gait.core.estimation import delayed_sample, new_delay_line
 from twin_gait.core.plant import Harness, MechanicalStop, harness_pull, pitching_moment
 from twin_gait.parameters.crutches import ArmParameters
@@ -423,3 +423,112 @@ def test_an_initial_lean_is_in_the_delay_lines_from_the_start() -> None:
     sense = new_perception(20, 0.14)
     assert [delayed_sample(sense.lean_delay, tick, 9.0) for tick in range(22)] == [0.14] * 20 + [9.0] * 2
     assert [delayed_sample(sense.lean_rate_delay, tick, 9.0) for tick in range(22)] == [0.0] * 20 + [9.0] * 2
+
+
+# ------------------------------------------------------------------ tension and inertia
+
+
+@given(state=states, rates=speeds)
+def test_a_hand_yields_to_the_tension_that_a_straight_arm_adds(state: np.ndarray, rates: np.ndarray) -> None:
+    arm, free = arm_of(pull_limit=50.0), arm_of(pull_limit=50.0)
+    for item in (arm, free):
+        item.max_length, item.straight_stiffness = 1.2, 5000.0
+    arm.tension_limit = 100.0
+    forces(arm, state, rates)
+    forces(free, state, rates)
+    assert arm.axial_force == max(free.axial_force, -100.0)
+
+
+def rod(mass: float = 0.5, centre: float = 0.55, inertia: float = 0.05) -> Arm:
+    arm = arm_of()
+    arm.mass, arm.centre_of_mass, arm.inertia = mass, centre, inertia
+    return arm
+
+
+def kinetic_energy(arm: Arm, place: np.ndarray, speed: np.ndarray) -> float:
+    """Energy of a rod, from its own definition, for shoulder (x, z) and tip (x, z)."""
+    away = complex(*(place[2:] - place[:2]))
+    change = complex(*(speed[2:] - speed[:2])) / away
+    centre = complex(*speed[2:]) - 1j * arm.centre_of_mass * away / abs(away) * change.imag
+    return 0.5 * arm.mass * abs(centre) ** 2 + 0.5 * arm.inertia * change.imag**2
+
+
+places = st.tuples(*[st.floats(-0.5, 0.5)] * 3, st.floats(-1.6, -1.0)).map(np.array)
+fourfold = st.tuples(*[st.floats(-2.0, 2.0)] * 4).map(np.array)
+
+
+@given(place=places, speed=fourfold, pushed=fourfold, shoulder=st.tuples(*[st.floats(-20.0, 20.0)] * 2))
+def test_a_crutch_moves_by_the_equations_of_lagrange(
+    place: np.ndarray, speed: np.ndarray, pushed: np.ndarray, shoulder: tuple[float, float]
+) -> None:
+    """The derivatives of the energies are numerical, and the velocity of the strut is that of the points."""
+    arm, gravity, basis = rod(), 9.81, np.eye(4)
+    away, along = place[2:] - place[:2], speed[2:] - speed[:2]
+    arm.length = math.hypot(*away)
+    arm.direction_x, arm.direction_z = away / arm.length
+    arm.along_speed = float(away @ along) / arm.length
+    turning = float(away[0] * along[1] - away[1] * along[0]) / arm.length**2
+    x, z, reaction = crutch_acceleration(arm, turning, pushed[0], pushed[1], gravity, *shoulder)
+
+    def momentum(at: np.ndarray) -> np.ndarray:
+        """Gradient of a quadratic form of the velocities, which a central difference gives exactly."""
+        energies = [
+            kinetic_energy(arm, at, speed + one) - kinetic_energy(arm, at, speed - one) for one in basis
+        ]
+        return 0.5 * np.array(energies)
+
+    def mass_times(acceleration: np.ndarray) -> np.ndarray:
+        energies = [
+            kinetic_energy(arm, place, acceleration + one) - kinetic_energy(arm, place, acceleration - one)
+            for one in basis
+        ]
+        return 0.5 * np.array(energies)
+
+    def potential(at: np.ndarray) -> float:
+        span = at[2:] - at[:2]
+        return arm.mass * gravity * float(at[3] - arm.centre_of_mass * span[1] / math.hypot(*span))
+
+    small = 1e-6
+    drift = (momentum(place + small * speed) - momentum(place - small * speed)) / (2.0 * small)
+    gradient = [
+        kinetic_energy(arm, place + small * one, speed)
+        - kinetic_energy(arm, place - small * one, speed)
+        - potential(place + small * one)
+        + potential(place - small * one)
+        for one in basis
+    ]
+    total = mass_times(np.array([*shoulder, x, z])) + drift - np.array(gradient) / (2.0 * small)
+    across = np.array([-arm.direction_z, arm.direction_x])
+    assert_allclose(total[2:], pushed[:2], atol=1e-6)
+    assert_allclose(-total[:2], reaction * across, atol=1e-6)
+
+
+def test_a_hanging_crutch_swings_with_the_period_of_a_physical_pendulum() -> None:
+    """T = 2π √((m d² + J) / (m g d)) about a shoulder at rest, d from its centre of mass."""
+    arm, length, step = rod(), 1.43, 1e-4
+    x, z, vx, vz, crossings = length * math.sin(0.02), -length * math.cos(0.02), 0.0, 0.0, list[float]()
+    for tick in range(60_000):
+        arm.length = math.hypot(x, z)
+        arm.direction_x, arm.direction_z = x / arm.length, z / arm.length
+        arm.along_speed = (x * vx + z * vz) / arm.length
+        held = 2e4 * (length - arm.length) - 60.0 * arm.along_speed
+        turning = (x * vz - z * vx) / arm.length**2
+        pushed = (held * arm.direction_x, held * arm.direction_z)
+        ax, az, _ = crutch_acceleration(arm, turning, *pushed, 9.81, 0.0, 0.0)
+        vx, vz, before = vx + step * ax, vz + step * az, x
+        x, z = x + step * vx, z + step * vz
+        if before > 0.0 >= x:
+            crossings.append((tick + before / (before - x)) * step)
+    distance = length - arm.centre_of_mass
+    swung = arm.mass * distance**2 + arm.inertia
+    assert_allclose(
+        np.diff(crossings), 2.0 * math.pi * math.sqrt(swung / (arm.mass * 9.81 * distance)), rtol=1e-3
+    )
+    assert len(crossings) == 3
+
+
+def test_a_point_mass_at_the_tip_has_no_reaction() -> None:
+    arm = rod(centre=0.0, inertia=0.0)
+    forces(arm, np.array([0.0, 0.9, 0.1, 0.3, 0.05]), np.ones(5))
+    found = crutch_acceleration(arm, 1.0, 3.0, 4.0, 9.81, 5.0, -6.0)
+    assert found == (3.0 / 0.5, 4.0 / 0.5 - 9.81, 0.0)

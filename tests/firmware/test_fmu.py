@@ -255,6 +255,12 @@ def test_plants_without_an_fmu_are_rejected_by_key(changes, facts):
         plant_fmu(load_experiment("treadmill", changes).experiment)
 
 
+def test_a_person_who_announces_steps_has_no_fmu():
+    changes = ["sensors.ideal=true", "scenario.arms.pattern=four_point"]
+    with raises(FirmwareError, "scenario.arms.pattern", "four_point", "as_needed"):
+        plant_fmu(load_experiment("overground", changes).experiment)
+
+
 OTHERS = (
     *("bench_leg", "treadmill_ankle", "treadmill_start_stop", "overground", "sit_to_stand", "stand_to_sit"),
     *("hip_exoskeleton", "knee_orthosis", "osl_prosthesis", "sup_prosthesis"),

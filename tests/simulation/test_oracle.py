@@ -48,6 +48,18 @@ CASES = {
         "scenario.leading_phase=early_stance",
         "scenario.trailing_phase=late_stance",
     ),
+    "overground, four-point gait with rods": (
+        "overground",
+        EULER,
+        0.25,
+        1000,
+        "scenario.arms={pattern: four_point, delay_ms: 20, planted_s: 0.05, swing_s: 0.1, reach_deg: 12, "
+        "announce_load_N: 5, min_axial_force: 0.03, touch_N: 4, lowering_m_per_s: 1}",
+        "scenario.crutches={centre_of_mass_m: 0.55, inertia_kgm2: 0.3, tension_limit_N: 30}",
+        "scenario.harness={share: 0.3, damping_Ns_per_m: 90}",
+        "scenario.leading_phase=early_stance",
+        "scenario.trailing_phase=late_stance",
+    ),
     "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),
     "hip exoskeleton, knees moved by the wearer": ("hip_exoskeleton", EULER, 0.25, 1500),
     "prosthesis of one leg": ("osl_prosthesis", EULER, 0.25, 1000),

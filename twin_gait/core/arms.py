@@ -1,8 +1,8 @@
-r"""An arm that holds a crutch, modelled as a massless strut from the shoulder to the tip of the crutch.
+r"""An arm that holds a crutch, modelled as a strut from the shoulder to the tip of the crutch.
 
-The tip is a point mass. In the sagittal plane the arm can change the strut's length ℓ (elbow) and turn it
-against the trunk (shoulder): it pushes along the strut with the force P and turns it with the moment M, so
-that the force on the tip is
+The mass of the crutch is at its tip, or that of a rod along the strut (:func:`crutch_acceleration`). In the
+sagittal plane the arm can change the strut's length ℓ (elbow) and turn it against the trunk (shoulder): it
+pushes along the strut with the force P and turns it with the moment M, so that the force on the tip is
 
 .. math::
 
@@ -60,12 +60,16 @@ class Arm:
     """State and parameters of an arm and its crutch.
 
     Attributes:
+        number: Number of the crutch, from 1 on.
         index: Index of the tip's forward coordinate; its height is the next coordinate.
-        mass: Mass of the tip in [kg].
+        mass: Mass of the crutch in [kg].
         push_limit: Largest force with which the arm pushes the tip away in [N].
         pull_limit: Largest force with which the arm pulls the tip towards the shoulder in [N].
         moment_limit: Largest moment of the shoulder in [N·m].
         max_length: Length of the strut with a straight arm in [m].
+        tension_limit: Largest tension of a bent or straight arm in [N]; the hand yields to a larger one.
+        centre_of_mass: Distance of the centre of mass from the tip in [m].
+        inertia: Moment of inertia about the centre of mass in [kg·m²].
         straight_stiffness: Stiffness of a straight arm, which the hand holds on to, in [N/m].
         tip_stiffness: Shear stiffness of the rubber of the tip in [N/m].
         tip_damping: Shear damping of the rubber of the tip in [N·s/m].
@@ -74,6 +78,10 @@ class Arm:
         length: Last computed length of the strut in [m].
         transverse_deflection: Last computed displacement of the tip from the position that the grip sets,
             against n, in [m].
+        direction_x: Forward component of the last computed direction e.
+        direction_z: Upward component of the last computed direction e.
+        along_speed: Last computed velocity of the tip from the shoulder along e in [m/s].
+        aside_speed: Last computed velocity of the tip along n, relative to the turning trunk, in [m/s].
         axial_force: Last computed force along the strut in [N].
         moment: Last computed moment of the shoulder in [N·m], which turns the tip forwards.
         power: Last computed mechanical power of the arm in [W].
@@ -86,6 +94,7 @@ class Arm:
         perceived_chair_state: Last perceived state of a chair.
         distance_delay: Delayed distance of the tip in front of the shoulder, as the person perceives it.
         load_delay: Delayed load on the tip, as the person perceives it.
+        perceived_load: Last perceived load on the tip in [N].
     """
 
     index: int
@@ -96,13 +105,21 @@ class Arm:
     grip: Grip
     distance_delay: DelayLine
     load_delay: DelayLine
+    number: float = 1.0
     max_length: float = math.inf
+    tension_limit: float = math.inf
+    centre_of_mass: float = 0.0
+    inertia: float = 0.0
     straight_stiffness: float = 0.0
     tip_stiffness: float = 1.0
     tip_damping: float = 0.0
     anchor: float = 0.0
     length: float = 0.0
     transverse_deflection: float = 0.0
+    direction_x: float = 0.0
+    direction_z: float = -1.0
+    along_speed: float = 0.0
+    aside_speed: float = 0.0
     axial_force: float = 0.0
     moment: float = 0.0
     power: float = 0.0
@@ -112,6 +129,7 @@ class Arm:
     reach: float = 0.0
     first_length: float = 0.0
     perceived_chair_state: float = 0.0
+    perceived_load: float = 0.0
     tip: ContactState = field(default_factory=ContactState)
 
 
@@ -132,7 +150,7 @@ def arm_force(
     """Compute the force of an arm on the tip of its crutch.
 
     Args:
-        arm: The arm; the computed length, force, moment and power are stored in it.
+        arm: The arm; the computed length, direction, velocities, force, moment and power are stored in it.
         sine: Sine of the pitch of the trunk, forwards positive.
         cosine: Cosine of the pitch of the trunk.
         ahead: Distance of the tip from the shoulder in [m], forwards positive.
@@ -153,13 +171,66 @@ def arm_force(
     push = grip.axial_force + grip.stiffness * (grip.length - length) - grip.damping * along_speed
     turning = grip.transverse_stiffness * aside - grip.transverse_damping * aside_speed
     arm.length, arm.transverse_deflection = length, aside
+    arm.direction_x, arm.direction_z = ex, ez
+    arm.along_speed, arm.aside_speed = along_speed, aside_speed
     arm.axial_force = clamp(push, -arm.pull_limit, arm.push_limit)
     if length > arm.max_length:
         arm.axial_force -= arm.straight_stiffness * (length - arm.max_length)
+    arm.axial_force = max(arm.axial_force, -arm.tension_limit)
     arm.moment = clamp(grip.shoulder_moment + turning * length, -arm.moment_limit, arm.moment_limit)
     across = arm.moment / length
     arm.power = arm.axial_force * along_speed + across * aside_speed
     return arm.axial_force * ex - across * ez, arm.axial_force * ez + across * ex
+
+
+def crutch_acceleration(
+    arm: Arm,
+    turning: float,
+    force_x: float,
+    force_z: float,
+    gravity: float,
+    shoulder_x: float,
+    shoulder_z: float,
+) -> tuple[float, float, float]:
+    r"""Compute the acceleration of the tip of a crutch, and the reaction of its inertia on the shoulder.
+
+    The crutch is a rod along the strut with the mass m, whose centre of mass has the distance c from the tip,
+    and with the moment of inertia J about it. With :math:`\lambda = c/\ell`, :math:`j = J/(m \ell^2)`, the
+    components of forces and accelerations along n, and Coriolis term
+    :math:`a = \ddot s_n + 2\dot\ell\dot\varphi` of the shoulder s, Lagrange's equations are
+
+    .. math::
+
+        [(1-\lambda)^2 + j]\,\ddot p_n &= F_n/m + (1-\lambda)\,g_n - [\lambda(1-\lambda) - j]\,a, \\
+        \ddot p_e &= F_e/m + g_e - c\,\dot\varphi^2, \\
+        R_n &= m\,\{\lambda g_n - [\lambda(1-\lambda) - j]\,\ddot p_n - (\lambda^2 + j)\,a\}
+
+    for the tip p and the reaction R on the shoulder. A point mass at the tip, :math:`c = J = 0`, has no
+    reaction.
+
+    Args:
+        arm: Arm after :func:`arm_force`.
+        turning: Angular velocity of the strut :math:`\dot\varphi` in [rad/s], positive along n.
+        force_x: Forward force of arm and ground on the tip in [N].
+        force_z: Upward force of arm and ground on the tip in [N].
+        gravity: Gravitational acceleration in [m/s²].
+        shoulder_x: Forward acceleration of the shoulder in [m/s²].
+        shoulder_z: Upward acceleration of the shoulder in [m/s²].
+
+    Returns:
+        Forward and upward acceleration of the tip in [m/s²], and :math:`R_n` in [N].
+    """
+    ex, ez, share = arm.direction_x, arm.direction_z, arm.centre_of_mass / arm.length
+    spin = arm.inertia / (arm.mass * arm.length * arm.length)
+    free_x, free_z = force_x / arm.mass, force_z / arm.mass - gravity
+    coupling, weight = share * (1.0 - share) - spin, -gravity * ex
+    moved = ex * shoulder_z - ez * shoulder_x + 2.0 * arm.along_speed * turning
+    free = ex * free_z - ez * free_x
+    across = (free - share * weight - coupling * moved) / ((1.0 - share) * (1.0 - share) + spin)
+    inward = arm.centre_of_mass * turning * turning
+    reaction = arm.mass * (share * weight - coupling * across - (share * share + spin) * moved)
+    other = across - free
+    return free_x - ez * other - ex * inward, free_z + ex * other - ez * inward, reaction
 
 
 def anchored_friction_force(

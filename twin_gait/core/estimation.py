@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from twin_gait.core.elementary import settled_share
 
 _CAPACITY_STEP = 16
+PERCEPTION_CAPACITY = 64  # Capacity step of the delays of a person, so that 0.13 to 0.19 s share a loop.
 
 
 def quantise(angle: float, resolution: float) -> float:

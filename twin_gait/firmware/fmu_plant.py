@@ -28,6 +28,7 @@ from twin_gait.simulation.executors import scalar_driver
 from twin_gait.simulation.schedule import ACT, NAMES, SENSE, update_status
 from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.simulation.stages.environment import update_commands
+from twin_gait.worlds.arm_policy import AS_NEEDED
 
 NAME = "plant"
 # Words for the status of the walk.
@@ -123,6 +124,11 @@ def plant_fmu(experiment: Experiment) -> tuple[FmuUnit, list[FmuVariable]]:
     if experiment.faults:
         raise FirmwareError(
             f"faults: {experiment.faults[0]} is a fault, which the plant as FMU does not have"
+        )
+    if setup.world.policy is not None and setup.world.policy.pattern != AS_NEEDED:
+        raise FirmwareError(
+            f"scenario.arms.pattern={setup.world.policy.arms.pattern}: the FMU of the plant announces no "
+            "steps to the controller: set scenario.arms.pattern=as_needed"
         )
     if len(setup.noise) > 1:
         raise FirmwareError(

@@ -50,12 +50,12 @@ def is_loaded(normal_force: np.ndarray) -> np.ndarray:
     ``(n,)``. Between the two thresholds the previous state is kept; the foot is unloaded at the start.
     """
     loaded = np.asarray(normal_force > CONTACT_FORCE)
-    for start, end in _spells(~(loaded | (normal_force < RELEASE_FORCE))):
+    for start, end in find_spells(~(loaded | (normal_force < RELEASE_FORCE))):
         loaded[start:end] = start > 0 and loaded[start - 1]
     return loaded
 
 
-def _spells(condition: np.ndarray) -> list[tuple[int, int]]:
+def find_spells(condition: np.ndarray) -> list[tuple[int, int]]:
     """Return first tick and first tick after it of each interval in which a condition is true."""
     padded = np.concatenate(([False], condition, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
@@ -80,7 +80,7 @@ def find_foot_contacts(
     strikes: list[int] = []
     offs: list[int] = []
     further: list[int] = []
-    for group in _groups(_spells(loaded), SHORTEST_SWING / tick, hip_angle):
+    for group in _groups(find_spells(loaded), SHORTEST_SWING / tick, hip_angle):
         first, last = group[0][0], group[-1][1]
         duration = sum(end - start for start, end in group)
         touches_edge = first < SHORTEST_SWING / tick or last == len(normal_force)

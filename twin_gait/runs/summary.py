@@ -18,7 +18,7 @@ from twin_gait.files import to_json_value
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.anthropometry import wearer_notes
 from twin_gait.measures import effort
-from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
+from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use, single_support
 from twin_gait.measures.strides import SKIPPED_STRIDES, normalise_strides, symmetry_index
 from twin_gait.report.formatting import describe
 from twin_gait.report.reference import reference_measures, reference_notes
@@ -278,9 +278,24 @@ def crutch_summary(run: Run) -> dict[str, Any]:
             "lean_highest_deg": math.degrees(float(lean.max())),
             "battery_energy_per_metre_J": energy / way if way > 0.0 else None,
             "arms": {side: use for side, use in uses.items() if use is not None},
+            "single_support": _single_support(run),
             "without_arms": _simulate_without_crutches(run),
         }
     }
+
+
+def _single_support(run: Run) -> dict[str, float] | None:
+    """Return the support by crutches on one foot; None without crutches or a wearer."""
+    crutches, patient = getattr(run.experiment.scenario, "crutches", None), run.experiment.patient
+    if crutches is None or patient is None:
+        return None
+    return single_support(
+        run.log,
+        TICK,
+        height=patient.height,
+        tip_aside=crutches.tip_aside,
+        gravity=run.experiment.plant.gravity,
+    )
 
 
 def _simulate_without_crutches(run: Run) -> dict[str, Any] | None:

@@ -11,7 +11,7 @@ from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
 from twin_gait.core.contact import ContactState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, ImpedanceSetpoint, new_encoder
-from twin_gait.core.estimation import first_order_gain, new_delay_line
+from twin_gait.core.estimation import PERCEPTION_CAPACITY, first_order_gain, new_delay_line
 from twin_gait.core.faults import FaultRecord
 from twin_gait.core.guards import CompiledComparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
@@ -54,8 +54,6 @@ CHAIR_CODES = {
     REACH_BACK: REACHING_BACK,
     LOWER: SITTING_DOWN,
 }
-# Delays of the wearer's perception below this number of ticks share one compiled loop.
-_PERCEPTION_CAPACITY = 64
 _DELAY_PADDING = 32  # Ring buffers of the bus are padded to a multiple of this length, for the same reason.
 
 
@@ -225,8 +223,8 @@ def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
                 setpoints=pad_phases(setpoints),
                 blend_start=setpoints[phases[leg]],
                 blended=setpoints[phases[leg]],
-                angle_line=new_delay_line(own.delay_ticks, angle, _PERCEPTION_CAPACITY),
-                velocity_line=new_delay_line(own.delay_ticks, 0.0, _PERCEPTION_CAPACITY),
+                angle_line=new_delay_line(own.delay_ticks, angle, PERCEPTION_CAPACITY),
+                velocity_line=new_delay_line(own.delay_ticks, 0.0, PERCEPTION_CAPACITY),
             )
         )
     legs = [
@@ -234,7 +232,7 @@ def _own_gait(setup: SimulationSetup, rows: OwnGaitRows) -> OwnGait:
             phase=phase,
             debounce=[0] * _capacity(rows.program.n_transitions),
             blend_ticks=_blend_ticks(rows.table, side),
-            load_line=new_delay_line(own.delay_ticks, 0.0, _PERCEPTION_CAPACITY),
+            load_line=new_delay_line(own.delay_ticks, 0.0, PERCEPTION_CAPACITY),
         )
         for phase, side in zip(phases, setup.wearer_sides, strict=True)
     ]

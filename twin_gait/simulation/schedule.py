@@ -7,6 +7,7 @@ The part between sensors and drives is the schedule of the device
 import math
 
 from twin_gait.control import device_schedule as device
+from twin_gait.control.gait_controller import run_supervisor
 from twin_gait.control.joint_board import check_command, reject_command, write_measurement
 from twin_gait.core.schedule import (
     BlockStep,
@@ -61,6 +62,7 @@ CONTROL = (
     *replace_steps(
         device.DECIDE,
         {
+            run_supervisor: (run_supervisor, environment.withhold_step),
             device.apply_transition: (phases.note_switch, device.apply_transition),
             device.apply_posture: (phases.note_posture, device.apply_posture),
         },

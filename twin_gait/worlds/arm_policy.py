@@ -14,6 +14,13 @@ swung to the person's reach, and lowered until it is perceived to carry load, ne
 the other crutch stays planted meanwhile. A person who has been standing still for a while brings a tip that
 is elsewhere in the same way to the preferred distance.
 
+That is the pattern ``as_needed``. In the other two each step of a walk has its crutch, the one on the side
+of the foot in front, opposite to the leg that steps next. In ``four_point`` gait the person moves it while
+both feet are on the ground: crutch, opposite foot, other crutch, other foot. In ``two_point`` gait the person
+moves it together with the leg. In both the person puts a tip down again that has lost its load, and announces
+a step to the device, which waits for it, only while both crutches are planted and carry a load, after the
+crutch of a four-point step has been moved.
+
 A chair requires crutches behind. When the device announces that it is about to sit down, one crutch is swung
 back to a tilt φ against the vertical, while the person leans on the other one; before rising, both are swung
 back unless they are there already. While the person sits, the hands rest. While the person rises or sits
@@ -35,11 +42,12 @@ from dataclasses import dataclass
 
 from twin_gait.core.arms import Arm, clamp, set_grip_angle
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
-from twin_gait.core.estimation import DelayLine, first_order_gain, new_delay_line
+from twin_gait.core.estimation import PERCEPTION_CAPACITY, DelayLine, first_order_gain, new_delay_line
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.crutches import ArmParameters
+from twin_gait.parameters.crutches import PATTERNS, ArmParameters
 
 PLANTED, SWINGING, LOWERING, PLANTED_BEHIND = 0, 1, 2, 3
+AS_NEEDED, FOUR_POINT, TWO_POINT = range(len(PATTERNS))
 # perceived states of sitting on a chair
 SITTING, LEANING, RISING, REACHING_BACK, SITTING_DOWN = 1.0, 2.0, 3.0, 4.0, 5.0
 
@@ -50,6 +58,7 @@ class ArmPolicy:
 
     Attributes:
         arms: Parameters of the law.
+        pattern: ``AS_NEEDED``, ``FOUR_POINT`` or ``TWO_POINT``.
         weight: Weight of wearer and device in [N].
         max_length: Length of arm and crutch in [m].
         yielding: Share of the remaining distance that the muscles yield in a tick.
@@ -61,6 +70,7 @@ class ArmPolicy:
     """
 
     arms: ArmParameters
+    pattern: int
     weight: float
     max_length: float
     yielding: float
@@ -75,6 +85,7 @@ def new_policy(arms: ArmParameters, weight: float, longest: float) -> ArmPolicy:
     """Return the policy of a person with a weight in [N], and arms and crutches of a length in [m]."""
     return ArmPolicy(
         arms,
+        PATTERNS.index(arms.pattern),
         weight,
         longest,
         yielding=first_order_gain(TICK, arms.yielding),
@@ -96,21 +107,29 @@ class Perception:
         stepping: 1 while a leg swings.
         ticks_since_swing: Number of ticks since the last swing.
         chair_state: ``SITTING``, ``LEANING``, ``RISING``, ``REACHING_BACK``, ``SITTING_DOWN`` or 0.
+        turn: Number, from 1 on, of the crutch that belongs to the present or next step; 0 while not walking.
+        moved: Number of the crutch that has been lifted for this step, 0 for none.
+        announcement: 1 while the person announces a step to the device, 0 while the device has to wait.
         lean_delay: Delay line of the lean.
         lean_rate_delay: Delay line of its rate.
         stepping_delay: Delay line of the announced steps.
         chair_delay: Delay line of the announced state of sitting on a chair.
+        turn_delay: Delay line of the crutch of a step.
     """
 
     lean_delay: DelayLine
     lean_rate_delay: DelayLine
     stepping_delay: DelayLine
     chair_delay: DelayLine
+    turn_delay: DelayLine
     lean: float = 0.0
     lean_rate: float = 0.0
     stepping: float = 0.0
     ticks_since_swing: int = 0
     chair_state: float = 0.0
+    turn: float = 0.0
+    moved: float = 0.0
+    announcement: float = 1.0
 
 
 def new_perception(delay: int, lean: float, chair: float = 0.0) -> Perception:
@@ -121,8 +140,10 @@ def new_perception(delay: int, lean: float, chair: float = 0.0) -> Perception:
         lean: Lean in [rad].
         chair: Perceived state of sitting on a chair.
     """
-    rate, stepping = new_delay_line(delay), new_delay_line(delay)
-    return Perception(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
+    leans, rates, steps, chairs, turns = (
+        new_delay_line(delay, value, PERCEPTION_CAPACITY) for value in (lean, 0.0, 0.0, chair, 0.0)
+    )
+    return Perception(leans, rates, steps, chairs, turns)
 
 
 def move_arm(
@@ -139,6 +160,7 @@ def move_arm(
         load: Perceived load on the tip in [N].
     """
     arm.phase_ticks += 1
+    arm.perceived_load = load
     if arm.phase == SWINGING:
         share = blend_share(arm.phase_ticks / policy.swing_ticks, BLEND_MINIMUM_JERK)
         set_grip_angle(arm.grip, blend(arm.first_angle, arm.reach, share) + perception.lean)
@@ -152,6 +174,13 @@ def move_arm(
         _control_rear_crutch(policy, perception, arm, other, ahead, load)
     else:
         _push_on_front_crutch(policy, perception, arm, other)
+        if policy.pattern != AS_NEEDED and perception.turn > 0.0:
+            if load < policy.arms.touch:
+                arm.reach = arm.grip.angle - perception.lean
+                _lower(policy, arm)
+            else:
+                _lift_for_step(policy, perception, arm, other)
+            return
         if not _may_lift(policy, perception, arm, other):
             return
         if ahead < policy.arms.lift_ahead:
@@ -161,6 +190,33 @@ def move_arm(
             and abs(ahead - policy.stand_ahead) > policy.arms.stand_slack
         ):
             _lift(policy, perception, arm, policy.arms.stand_reach)
+
+
+def announce_step(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm) -> None:
+    """Announce a step as soon as its crutch has been moved and both crutches carry a load.
+
+    A person who moves the crutches as needed lets the device step at any time.
+    """
+    if policy.pattern == AS_NEEDED or sense.turn == 0.0:
+        sense.announcement = 1.0
+        return
+    in_step = sense.stepping > 0.0
+    if in_step == (policy.pattern == FOUR_POINT):
+        sense.moved = 0.0  # The present step of a four-point gait, or the next one of a two-point gait.
+    lowest_load = min(arm.perceived_load, other.perceived_load)
+    ready = arm.phase == PLANTED and other.phase == PLANTED and lowest_load > policy.arms.announce_load
+    prepared = policy.pattern == TWO_POINT or sense.moved == sense.turn
+    sense.announcement = 1.0 if ready and prepared and not in_step else 0.0
+
+
+def _lift_for_step(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm) -> None:
+    """Lift the crutch of a step once: before the step in four-point gait, with the leg in two-point gait."""
+    due = arm.number == sense.turn and sense.moved != sense.turn
+    in_step = sense.stepping > 0.0
+    rested = _rested(policy, arm) and _rested(policy, other)
+    if due and rested and in_step == (policy.pattern == TWO_POINT):
+        sense.moved = sense.turn
+        _lift(policy, sense, arm, policy.arms.reach)
 
 
 def _lower(policy: ArmPolicy, arm: Arm) -> None:
@@ -217,7 +273,7 @@ def _push_on_front_crutch(policy: ArmPolicy, sense: Perception, arm: Arm, other:
     push = 0.0 if other.phase == PLANTED_BEHIND else habit.axial_force * weight
     upright = habit.axial_force_per_lean * weight * (sense.lean - habit.lean)
     target = push + upright + habit.axial_force_per_lean_rate * weight * sense.lean_rate
-    arm.grip.axial_force = clamp(target, 0.0, arm.push_limit)
+    arm.grip.axial_force = clamp(target, habit.min_axial_force * weight, arm.push_limit)
     arm.grip.shoulder_moment = -habit.shoulder_moment
     _yield(policy, arm)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin_gait.core.arms import Arm, Grip, set_grip_angle
 from twin_gait.core.belt import Belt
-from twin_gait.core.estimation import new_delay_line
+from twin_gait.core.estimation import PERCEPTION_CAPACITY, new_delay_line
 from twin_gait.core.plant import Harness, Plant, Trunk
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
@@ -169,12 +169,13 @@ class Overground(SplitStance):
             arm = quantities.from_attributes(
                 Arm,
                 crutches,
+                number=1.0 + len(arms),
                 index=world.model.nv + len(tips),
                 max_length=longest,
                 anchor=forward + ahead,
                 grip=Grip(self.arms.axial_force * world.body_weight, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-                distance_delay=new_delay_line(delay, ahead),
-                load_delay=new_delay_line(delay),
+                distance_delay=new_delay_line(delay, ahead, PERCEPTION_CAPACITY),
+                load_delay=new_delay_line(delay, 0.0, PERCEPTION_CAPACITY),
                 length=math.hypot(ahead, up),
             )
             set_grip_angle(arm.grip, math.atan2(ahead, up) + self.lean)

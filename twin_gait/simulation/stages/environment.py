@@ -4,7 +4,13 @@ import math
 
 from twin_gait.control.gait_controller import WITH_SUPERVISOR, receive_walk_command
 from twin_gait.control.supervisor import NO_REQUEST
-from twin_gait.core.arms import Arm, anchor_position, anchored_friction_force, arm_force
+from twin_gait.core.arms import (
+    Arm,
+    anchor_position,
+    anchored_friction_force,
+    arm_force,
+    crutch_acceleration,
+)
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.elementary import sine_cosine
@@ -34,7 +40,7 @@ from twin_gait.simulation.build_flags import (
     WITH_SEAT,
 )
 from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Episode
-from twin_gait.worlds.arm_policy import REACHING_BACK, move_arm
+from twin_gait.worlds.arm_policy import REACHING_BACK, announce_step, move_arm
 
 LIMBS_PER_LEG = 2  # Thigh and shank, which move hip and knee, controlled or not.
 
@@ -113,11 +119,13 @@ def _add_wearer_torque(e: Episode, tick: int, number: int, passive: float, hip: 
 
 
 def add_trunk_forces(e: Episode, q: list[float], v: list[float]) -> None:
-    """Add the forces of harness and seat to the torques."""
+    """Add the forces of harness and seat, and the reactions of the crutches, to the torques."""
     if PITCH_INDEX >= 0:
         add_harness_force(e, q, v)
     if WITH_SEAT:
         add_seat_forces(e, q, v)
+    if N_CRUTCHES > 0:
+        add_crutch_reactions(e, q, v)
 
 
 def add_harness_force(e: Episode, q: list[float], v: list[float]) -> None:
@@ -191,8 +199,12 @@ def add_arm_forces(e: Episode, q: list[float], v: list[float]) -> None:
     e.external[PITCH_INDEX] = on_pitch
 
 
-def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
-    """Compute the accelerations of the tips of the crutches and the power of their contact forces."""
+def add_crutch_reactions(e: Episode, q: list[float], v: list[float]) -> None:
+    """Compute the forces of the ground on the tips, and add the reactions of the crutches on the shoulders.
+
+    The reaction depends on the acceleration of the shoulder, for which that of the previous evaluation is
+    used. It acts on it like an added mass of less than 0.3 kg, so the error is far below that of the step.
+    """
     for number in range(N_CRUTCHES):
         arm, ground = e.arms[number], e.ground
         index, tip = arm.index, arm.tip
@@ -201,8 +213,44 @@ def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
         tip.forward = anchored_friction_force(
             arm, q[index], v[index], tip.upward, ground.friction_coefficient
         )
-        e.a[index] = (e.torque[index] + tip.forward) / arm.mass
-        e.a[index + 1] = (e.torque[index + 1] + tip.upward) / arm.mass - e.gravity
+        ahead, up = _shoulder_position(e, arm, q)
+        _, _, reaction = _crutch_acceleration(e, arm, ahead, up, v)
+        forward, upward = -arm.direction_z * reaction, arm.direction_x * reaction
+        e.torque[FORWARD_INDEX] += forward
+        e.torque[PELVIS_INDEX] += upward
+        e.torque[PITCH_INDEX] += pitching_moment(ahead, up, forward, upward)
+
+
+def _shoulder_position(e: Episode, arm: Arm, q: list[float]) -> tuple[float, float]:
+    """Return the position of the shoulder in front of and above the hips in [m]."""
+    ahead, up = q[arm.index] - q[FORWARD_INDEX], q[arm.index + 1] - q[PELVIS_INDEX]
+    return ahead - arm.length * arm.direction_x, up - arm.length * arm.direction_z
+
+
+def _crutch_acceleration(
+    e: Episode, arm: Arm, ahead: float, up: float, v: list[float]
+) -> tuple[float, float, float]:
+    """Return :func:`~twin_gait.core.arms.crutch_acceleration` for the last accelerations of the trunk."""
+    pitching, squared = e.a[PITCH_INDEX], v[PITCH_INDEX] * v[PITCH_INDEX]
+    shoulder_x = e.a[FORWARD_INDEX] + up * pitching - ahead * squared
+    shoulder_z = e.a[PELVIS_INDEX] - ahead * pitching - up * squared
+    force_x, force_z = e.torque[arm.index] + arm.tip.forward, e.torque[arm.index + 1] + arm.tip.upward
+    turning = arm.aside_speed / arm.length - v[PITCH_INDEX]
+    forward, upward, reaction = crutch_acceleration(
+        arm, turning, force_x, force_z, e.gravity, shoulder_x, shoulder_z
+    )
+    return forward, upward, reaction
+
+
+def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
+    """Compute the accelerations of the tips of the crutches and the power of their contact forces."""
+    for number in range(N_CRUTCHES):
+        arm = e.arms[number]
+        index, tip = arm.index, arm.tip
+        ahead, up = _shoulder_position(e, arm, q)
+        forward, upward, _ = _crutch_acceleration(e, arm, ahead, up, v)
+        e.a[index] = forward
+        e.a[index + 1] = upward
         e.contact_power += tip.forward * v[index] + tip.upward * v[index + 1]
 
 
@@ -216,15 +264,22 @@ def update_tip_anchors(e: Episode) -> None:
 def update_arms(e: Episode, tick: int) -> None:
     """Compute the delayed perception of the wearer, and move the arms with it."""
     sense = e.perception
-    stepping, chair = 0.0, 0.0
-    for leg in e.controller.legs:
+    left, right = e.limbs[0].index + WEARER_OFFSET, e.limbs[LIMBS_PER_LEG].index + WEARER_OFFSET
+    stepping, chair, turn = 0.0, 0.0, 1.0 if e.q[left] > e.q[right] else 2.0
+    for number in range(len(e.controller.legs)):
+        leg = e.controller.legs[number]
         stepping = max(stepping, e.swing_phases[leg.phase])
         chair = max(chair, e.chair_phases[leg.phase])
+        if e.swing_phases[leg.phase] > 0.0:
+            turn = float(N_CRUTCHES - e.soles[number])
+    if e.controller.device_signals.walk == 0.0:
+        turn = 0.0
     sense.lean = delayed_sample(sense.lean_delay, tick, e.q[PITCH_INDEX])
     sense.lean_rate = delayed_sample(sense.lean_rate_delay, tick, e.v[PITCH_INDEX])
     sense.stepping = delayed_sample(sense.stepping_delay, tick, stepping)
     sense.ticks_since_swing = 0 if sense.stepping > 0.0 else sense.ticks_since_swing + 1
     sense.chair_state = delayed_sample(sense.chair_delay, tick, chair)
+    sense.turn = delayed_sample(sense.turn_delay, tick, turn)
     sine, _ = sine_cosine(e.q[PITCH_INDEX])
     shoulder = e.q[FORWARD_INDEX] + e.trunk.shoulder * sine
     for number in range(N_CRUTCHES):
@@ -232,14 +287,31 @@ def update_arms(e: Episode, tick: int) -> None:
         ahead = delayed_sample(arm.distance_delay, tick, e.q[arm.index] - shoulder)
         load = delayed_sample(arm.load_delay, tick, arm.tip.upward)
         move_arm(e.policy, sense, arm, e.arms[N_CRUTCHES - 1 - number], ahead, load)
+    announce_step(e.policy, sense, e.arms[0], e.arms[1])
+    if not WITH_SUPERVISOR:
+        e.controller.device_signals.step = 1.0
+        withhold_step(e, tick)
+
+
+def withhold_step(e: Episode, tick: int) -> None:
+    """Let the device wait, as after a command to stand, while a wearer with crutches announces no step."""
+    if N_CRUTCHES > 0:
+        if e.perception.announcement == 0.0:
+            e.controller.device_signals.step = 0.0
+            if e.perception.stepping == 0.0:
+                e.controller.last_stand_tick = tick
 
 
 def tip_energy(e: Episode) -> tuple[float, float]:
-    """Return the kinetic and potential energy of the tips in [J]."""
+    """Return the kinetic and potential energy of the crutches in [J]."""
     kinetic, potential = 0.0, 0.0
     for number in range(N_CRUTCHES):
         arm: Arm = e.arms[number]
-        forward, upward = e.v[arm.index], e.v[arm.index + 1]
+        turning = arm.aside_speed / arm.length - e.v[PITCH_INDEX]
+        away = arm.centre_of_mass * turning
+        forward = e.v[arm.index] + away * arm.direction_z
+        upward = e.v[arm.index + 1] - away * arm.direction_x
         kinetic += 0.5 * arm.mass * (forward * forward + upward * upward)
-        potential += arm.mass * e.gravity * e.q[arm.index + 1]
+        kinetic += 0.5 * arm.inertia * turning * turning
+        potential += arm.mass * e.gravity * (e.q[arm.index + 1] - arm.centre_of_mass * arm.direction_z)
     return kinetic, potential
