@@ -1,6 +1,6 @@
 """Quality of the shipped walks, and the range of wearers and belts in which they still walk.
 
-Each gait table on the default treadmill compared with goals from human walking; combined draws of wearer,
+The walks of the treadmill compared with goals from human walking; combined draws of wearer,
 support and speed; speeds of the belt; small changes of support and mass. A minute on two cores; page:
 docs/background/default_walk.md.
 """
@@ -16,11 +16,12 @@ import numpy as np
 from gallery import read_options
 from scipy.stats import qmc
 
-from twin_gait import Experiment, Run, load_experiment, simulate, summarise_run
+from twin_gait import Experiment, Run, load_experiment, presets, simulate, summarise_run
 from twin_gait.studies.batch import override_experiment, run_episodes
 from twin_gait.studies.workers import Workers
 
-TABLES = ("treadmill", "treadmill_pre_swing")
+# Presets, or other tables on the default treadmill.
+WALKS = ("treadmill", "treadmill_pre_swing", "treadmill_straps")
 DURATION = 20.0  # [s]
 # Ranges of the combined draws: mass [kg], height [m], supported share, belt speed [km/h].
 KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
@@ -64,19 +65,20 @@ class Goal:
 
 INF = math.inf
 GOALS = (
-    Goal("RMSE of the hip from heel strike [°]", "hip_rmse_deg", 0.0, 4.5, (0.0, 3.0)),
-    Goal("RMSE of the knee from heel strike [°]", "knee_rmse_deg", 0.0, 6.5, (0.0, 5.0)),
+    Goal("RMSE of the hip from heel strike [°]", "hip_rmse_deg", 0.0, 3.5, (0.0, 3.0)),
+    Goal("RMSE of the knee from heel strike [°]", "knee_rmse_deg", 0.0, 4.5, (0.0, 3.8)),
     Goal("stride time [s]", "stride_time_s", 1.65, 1.95, (1.70, 1.80)),
-    Goal("peak vertical force / carried weight", "load_peak", 0.0, 1.2, (0.0, 1.1)),
+    Goal("peak vertical force / carried weight", "load_peak", 0.0, 1.15, (0.0, 1.1)),
     Goal("trough in midstance", "trough", 0.7, INF, (0.8, INF)),
     Goal("least load over 6 to 20 % of the cycle", "min_load", 0.4, INF, (INF, INF)),
     Goal("mean fore-aft force of both feet [N]", "fore_aft_force_N", -5.0, 5.0, (-0.5, 0.5)),
-    Goal("power of the belt [W]", "belt_power_W", -1.5, 1.5, (-0.15, 0.15)),
+    Goal("power of the belt [W]", "belt_power_W", -1.0, 1.0, (-0.15, 0.15)),
+    Goal("braking peak / carried weight", "braking_peak", 0.0, 0.12, (0.0, 0.065)),
     Goal("propulsion peak / that of the reference", "propulsion_share", 0.5, INF, (0.9, 1.1)),
     Goal("knee at contact [°]", "knee_at_contact_deg", -INF, 9.0, (-INF, 4.0)),
-    Goal("knee yield after it [°]", "knee_yield_deg", 3.0, INF, (7.0, INF)),
+    Goal("knee yield after it [°]", "knee_yield_deg", 4.0, INF, (7.0, INF)),
     Goal("clearance in mid-swing [mm]", "clearance_mm", 10.0, INF, (15.0, INF)),
-    Goal("saturated share of the worst joint [%]", "saturated_percent", 0.0, 4.0, (0.0, 1.0)),
+    Goal("share of ticks with any joint at a limit [%]", "any_saturated_percent", 0.0, 5.0, (0.0, 1.0)),
     Goal("further contacts", "further_contacts", 0, 0, (0, 0)),
 )
 
@@ -90,7 +92,6 @@ def measured(run: Run) -> dict[str, float | str]:
         return found
     summary, legs = summarise_run(run), list(run.walk_measures().values())
     sides = list(summary["sides"].values())
-    saturated = [joint["saturated_share"] for side in sides for joint in side["joints"].values()]
     reference = summary["walk_reference"]
     return found | {
         "hip_rmse_deg": max(side["rmse_hip_by_contact_deg"] for side in sides),
@@ -102,20 +103,22 @@ def measured(run: Run) -> dict[str, float | str]:
         "fore_aft_force_N": sum(leg["fore_aft_force_N"] for leg in legs),
         "belt_power_W": power["belt_W"],
         "propulsion_share": min(leg["propulsion_peak"] for leg in legs) / reference["propulsion_peak"],
+        "braking_peak": max(-leg["braking_peak"] for leg in legs),
         "braking_share": min(leg["braking_peak"] for leg in legs) / reference["braking_peak"],
         "knee_at_contact_deg": max(leg["knee_at_contact_deg"] for leg in legs),
         "knee_yield_deg": min(leg["knee_yield_deg"] for leg in legs),
         "clearance_mm": min(1e3 * leg["clearance_m"] for leg in legs),
-        "saturated_percent": 100.0 * max(saturated),
+        "any_saturated_percent": 100.0 * summary["any_joint_saturated_share"],
         "further_contacts": sum(side["further_contacts"] for side in sides),
     }
 
 
 def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
-    """Return the experiment with a table and some changes."""
+    """Return the experiment of a preset or a table, with some changes."""
     name, changes = item
-    settings = [f"table={name}", f"duration_s={DURATION}"]
-    return override_experiment(load_experiment("treadmill", settings).experiment, changes)
+    preset, table = (name, []) if name in presets() else ("treadmill", [f"table={name}"])
+    settings = [*table, f"duration_s={DURATION}"]
+    return override_experiment(load_experiment(preset, settings).experiment, changes)
 
 
 def draws(count: int) -> list[dict[str, float]]:
@@ -192,7 +195,7 @@ def gear_rows() -> list[dict[str, str]]:
 
 # %%
 def goal_rows(walks: dict[str, dict]) -> list[dict]:
-    """Return every goal and the value of each table."""
+    """Return every goal and the value of each walk."""
     rows = []
     for goal in GOALS:
         row = {"measure": goal.label, "goal": goal.text(goal.low, goal.high)}
@@ -227,7 +230,7 @@ if __name__ == "__main__":
         (DRAWS, np.round(np.arange(0.5, 3.01, 0.1), 1)) if not form.quick else (2, np.array([1.5]))
     )
     jobs: dict[tuple[str, str], dict[str, float]] = {}
-    for name in TABLES:
+    for name in WALKS:
         jobs[name, "nominal"] = {}
         jobs |= {(name, f"draw {number}"): draw for number, draw in enumerate(draws(count))}
         jobs |= {(name, f"{speed} km/h"): {KEYS[-1]: float(speed)} for speed in speeds}
@@ -236,14 +239,14 @@ if __name__ == "__main__":
     with Workers(form.workers) as workers:
         results = run_episodes(walk_of, measured, items, workers=workers)
     walks = dict(zip(jobs, results, strict=True))
-    nominal = {name: walks[name, "nominal"] for name in TABLES}
+    nominal = {name: walks[name, "nominal"] for name in WALKS}
     summary = []
-    for name in TABLES:
+    for name in WALKS:
         walked = [walks[name, f"draw {number}"]["outcome"] == "walked" for number in range(count)]
         at_speed = [walks[name, f"{speed} km/h"]["outcome"] == "walked" for speed in speeds]
         found = speed_range(speeds.tolist(), at_speed, 1.5)
         text = "none" if found is None else f"{found[0]:.1f} to {found[1]:.1f} km/h"
-        summary.append({"table": name, "combined draws that walk": f"{sum(walked)} of {count}", "belt": text})
+        summary.append({"walk": name, "combined draws that walk": f"{sum(walked)} of {count}", "belt": text})
         print(name, nominal[name], summary[-1], sep="\n  ")
     form.write_results(
         {

@@ -198,7 +198,7 @@ def test_deviations_add_up_to_the_errors_over_goals(walk: Run) -> None:
     errors = [
         (side[f"rmse_{joint}_by_contact_deg"] / goal) ** 2
         for side in sides
-        for joint, goal in (("hip", 4.0), ("knee", 6.5))
+        for joint, goal in (("hip", 3.5), ("knee", 4.5))
     ]
     assert np.square(rating.deviations).sum() == pytest.approx(sum(errors) / 2, rel=0.02)
 
