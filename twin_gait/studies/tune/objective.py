@@ -21,10 +21,10 @@ import numpy as np
 
 from twin_gait.files import finite_or_none
 from twin_gait.measures.crutches import TRUNK_PITCH
-from twin_gait.measures.effort import root_mean_square, share_of_ticks
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.strides import finite_mean, normalise_strides, symmetry_index, values_in_strides
 from twin_gait.report.reference import reference_cycle, reference_measures
-from twin_gait.runs.leg_summary import MeasuredLeg
+from twin_gait.runs.leg_summary import MeasuredLeg, saturated_shares
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.yaml12 import load_data
@@ -87,6 +87,7 @@ def term_values(run: Run) -> dict[str, float | None]:
     values |= {
         "fore_aft_pct": 100.0 * abs(dragged),
         "belt_power_W": abs(sum(walk["belt_power_W"] for walk in walks.values())),
+        "saturated_pct": 100.0 * saturated_shares(legs)["any_joint_saturated_share"],
         "asymmetry_pct": _asymmetry(legs, contacts),
         **_trunk_values(run, legs[0].strides),
     }
@@ -100,7 +101,6 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
     """
     joints, strides = list(leg.record.angles), contact["strides"] or math.nan
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
-    limits = [share_of_ticks(leg.saturation_cases[joint]["saturated"]) for joint in leg.record.driven]
     switches = [leg.torque_at_switches(joint) for joint in leg.record.driven]
     apart = leg.error_parts().get("errors", {})
     errors = {f"{joint}_error_deg": parts["total_deg"] for joint, parts in apart.items()}
@@ -122,8 +122,7 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         # Repeated contacts of a foot just after landing; further contacts in swing are scuffs.
         "second_contacts_per_stride": (contact["further_contacts"] - contact["scuffs"]) / strides,
         "scuffs_per_stride": contact["scuffs"] / strides,
-        # A leg without drives has no limits and no torques of a device.
-        "saturated_pct": 100.0 * float(np.max([0.0, *limits])),
+        # A leg without drives has no torques of a device.
         "torque_change_Nm": float(np.max([0.0, *(item["switch_torque_change_Nm"] for item in switches)])),
         "torque_jump_Nm": float(np.max([0.0, *(item["switch_torque_jump_Nm"] for item in switches)])),
         "slip_mm": 1e3 * walk["slip_m"],
