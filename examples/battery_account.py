@@ -18,6 +18,7 @@ from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_P
 from twin_gait.report.canvas import save, style_panel
 from twin_gait.studies.batch import override_experiment, run_episodes
 
+SOFT = "springs 20 % softer"
 THESIS_HOURS = 4.0  # battery autonomy, table 2.1 of the thesis; it does not state for which use
 JOINTS = ("hip", "knee")
 PHASES = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")
@@ -126,7 +127,7 @@ def what_if(experiment: Experiment) -> dict[str, dict[str, float]]:
         "electronics 3 W instead of 6": {f"{electronics}constant_power_W": 3.0},
         "G halved": each_phase(experiment, "friction_compensation_gain", 0.5),
         "no compensation, G = 0": each_phase(experiment, "friction_compensation_gain", 0.0),
-        "springs 20 % softer": each_phase(experiment, "stiffness_Nm_per_rad", 0.8),
+        SOFT: each_phase(experiment, "stiffness_Nm_per_rad", 0.8),
         "springs 40 % softer": each_phase(experiment, "stiffness_Nm_per_rad", 0.6),
         "gear efficiency 0.75": gears[0.75],
         "gear efficiency 0.95": gears[0.95],
@@ -228,6 +229,12 @@ if __name__ == "__main__":
             "rows": rows,
             "what_if": changed,
             "default": default,
+            "best_hours": max(walk["hours"] for walk in walks.values()),
+            "saved_W": {
+                key: default["battery_W"] - walks[label]["battery_W"]
+                for key, label in (("soft", SOFT), ("regeneration", "no regeneration"))
+                if label in walks
+            },
             "sum_W": sum(default["account"].values()),
             "goal_W": goal,
             "standby_W": standby,

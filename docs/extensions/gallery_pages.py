@@ -28,10 +28,12 @@ SECTIONS = {
     "walk": (
         "The walk: goals, robustness, ground forces",
         (
+            "limits_of_validity",
             "default_walk",
             "battery_account",
             "ground_forces",
             "robustness_map",
+            "heavy_wearers",
             "start_stop",
             "attainable_floor",
         ),
