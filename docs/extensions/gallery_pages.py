@@ -27,7 +27,16 @@ SECTIONS = {
     "people": ("People and devices", ("shipped_people", "cohort", "tuned_cohort", "device_walks")),
     "walk": (
         "The walk: goals, robustness, ground forces",
-        ("default_walk", "ground_forces", "robustness_map", "start_stop", "attainable_floor"),
+        (
+            "limits_of_validity",
+            "default_walk",
+            "battery_account",
+            "ground_forces",
+            "robustness_map",
+            "heavy_wearers",
+            "start_stop",
+            "attainable_floor",
+        ),
     ),
     "controllers": ("Controllers compared", ("controllers", "train_policies", "blending", "powered_ankle")),
     "crutches": ("Crutches and chair", ("overground", "rising")),
