@@ -61,7 +61,9 @@ def test_shipped_device_states_every_number_with_its_source(name: str) -> None:
 
 @pytest.mark.parametrize("preset", presets())
 def test_preset_has_the_numbers_of_its_device(preset: str) -> None:
-    experiment = load_experiment(preset).experiment
+    # The calibrated feet of this preset are those of the wearer.
+    restored = ["leg.heel_to_forefoot=null"] if preset == "treadmill_straps" else []
+    experiment = load_experiment(preset, restored).experiment
     document, device = experiment_document(experiment), load_device(experiment.device.name).document()
     for section, parts in PARTS.items():
         assert {part: document[section][part] for part in parts if part in document[section]} == device[

@@ -172,13 +172,16 @@ def _walk_with(values: Mapping[str, float | None]) -> Rating:
 
 
 def test_a_goal_that_is_missed_costs_more_than_one_that_is_surpassed_saves() -> None:
-    """By hand: (2/4)² = 0.25, (5/4)² + 20 (5/4 - 0.9)² = 1.5625 + 2.45, 1.1²/4 + 6 (1.1 - 0.9)² = 0.5425."""
+    """By hand, for goals of 3.5°, 4.5° and 60 N·m.
+
+    (1.75/3.5)² = 0.25, (4.375/3.5)² + 20 (1.25 - 0.9)² = 1.5625 + 2.45, 1.1²/4 + 6 (1.1 - 0.9)² = 0.5425.
+    """
     free = dict.fromkeys(AT_GOAL, 0.0)
-    assert nominal_cost(_walk_with({**free, "hip_error_deg": 2.0})) == pytest.approx(0.25)
-    assert nominal_cost(_walk_with({**free, "hip_error_deg": 5.0})) == pytest.approx(1.5625 + 2.45)
+    assert nominal_cost(_walk_with({**free, "hip_error_deg": 1.75})) == pytest.approx(0.25)
+    assert nominal_cost(_walk_with({**free, "hip_error_deg": 4.375})) == pytest.approx(1.5625 + 2.45)
     assert nominal_cost(_walk_with({**free, "torque_change_Nm": 66.0})) == pytest.approx(0.5425)
-    even = nominal_cost(_walk_with({**free, "hip_error_deg": 4.0, "knee_error_deg": 8.0}))
-    traded = nominal_cost(_walk_with({**free, "hip_error_deg": 3.0, "knee_error_deg": 10.0}))
+    even = nominal_cost(_walk_with({**free, "hip_error_deg": 3.5, "knee_error_deg": 5.5}))
+    traded = nominal_cost(_walk_with({**free, "hip_error_deg": 2.6, "knee_error_deg": 6.9}))
     assert even < traded
 
 
@@ -194,7 +197,7 @@ def test_the_worse_of_two_walks_costs_more_and_any_fall_the_most(errors: list[fl
 def test_residuals_add_up_to_the_cost() -> None:
     """If errors consist of two deviations, their squares add up to the cost."""
     values = {**AT_GOAL, "hip_error_deg": 5.0, "torque_jump_Nm": 9.0, "scuffs_per_stride": None}
-    walk = Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, (5.0 / 4.0, 1.0))
+    walk = Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, (5.0 / 3.5, 1.0))
     found = residuals(walk)
     assert found @ found == pytest.approx(nominal_cost(walk))
     assert len(residuals(Rating(50.0, {}, True, 0.5, (1.0,)))) == 0
