@@ -70,6 +70,11 @@ def draws(count: int) -> list[dict[str, float]]:
     return found
 
 
+def unchanged(experiment: Experiment) -> Experiment:
+    """Return an experiment as it is; worker processes call this function."""
+    return experiment
+
+
 def carried_mass(case: dict[str, float]) -> float:
     """Return the mass that the legs carry in [kg]: wearer and device, less the supported share."""
     return (case["patient.mass_kg"] + DEVICE_MASS) * (1.0 - case["scenario.support.share"])
@@ -243,7 +248,7 @@ if __name__ == "__main__":
     items = [case | changes for changes in VARIANTS.values() for case in cases]
     experiments = [override_experiment(base, item) for item in items]
     with Workers(form.workers) as workers:
-        found = run_episodes(lambda item: item, measured, experiments, workers=workers)
+        found = run_episodes(unchanged, measured, experiments, workers=workers)
     rows = [
         {
             "variant": variant,
