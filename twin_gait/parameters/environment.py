@@ -152,7 +152,7 @@ class SupportParameters(quantities.Parameters):
     forward_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 300.0
     pitch: PelvisPitch = PelvisPitch.LOCKED
     height: Annotated[quantities.Ratio, ATTACHMENTS] = 0.25
-    strap_lever: Annotated[quantities.Length, quantities.Range(0.0, 0.5)] = 0.1
+    strap_lever: Annotated[quantities.Length, quantities.Range(0.0, 0.3)] = 0.1
     strap_stiffness: Annotated[quantities.LinearStiffness, STRAPS] = 10.0e3
     strap_damping: Annotated[quantities.LinearDamping, quantities.Range(0.0, 1e4)] = 300.0
     lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
