@@ -138,7 +138,9 @@ class AnkleParameters(quantities.Parameters):
     sides: tuple[Side, ...] = ()
 
 
-ATTACHMENTS = quantities.Range(0.0, 0.4)
+ATTACHMENTS = quantities.Range(0.0, 0.4, reason="the shoulders are at 0.288")
+LEVERS = quantities.Range(0.0, 0.3, reason="a bar of 0.6 m")
+STRAP_DAMPINGS = quantities.Range(0.0, 1e4, reason="critical in the default straps has 4000")
 STRAPS = quantities.Range(0.0, 1e6, reason="a metre of polyester webbing has 1e5 N/m")
 
 
@@ -184,9 +186,9 @@ class SupportParameters(quantities.Parameters):
     forward_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 300.0
     pitch: PelvisPitch = PelvisPitch.LOCKED
     height: Annotated[quantities.Ratio, ATTACHMENTS] = 0.25
-    strap_lever: Annotated[quantities.Length, quantities.Range(0.0, 0.5)] = 0.1
+    strap_lever: Annotated[quantities.Length, LEVERS] = 0.1
     strap_stiffness: Annotated[quantities.LinearStiffness, STRAPS] = 10.0e3
-    strap_damping: Annotated[quantities.LinearDamping, quantities.Range(0.0, 1e4)] = 300.0
+    strap_damping: Annotated[quantities.LinearDamping, STRAP_DAMPINGS] = 300.0
     lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
     lock_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 

@@ -27,7 +27,7 @@ FALL_SHARE = 0.75
 FallShare: TypeAlias = Annotated[Ratio, SHARE]
 # Lean of the trunk in [rad], in either direction, beyond which the wearer has fallen.
 FALL_LEAN = math.radians(60.0)
-FallLean: TypeAlias = Annotated[Angle, Range(0.0, math.pi, exclusive_minimum=True)]
+FallLean: TypeAlias = Annotated[Angle, Range(0.0, math.pi, exclusive_minimum=True, reason="upside down")]
 # Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N·m].
 MOST_ROUNDS, LARGEST_STEP, DIFFERENCE, BALANCED = 60, 0.02, 1e-7, 1e-6
 # Most steps of the method of false position, its remainder in [m], and half the width of its bracket in
