@@ -89,7 +89,7 @@ def single_support(
         forces, single, places, 0.5 * breadth, tick, math.sqrt(gravity / (PENDULUM_RATIO * hips))
     )
     return {
-        "share_without_crutch": np.count_nonzero(bare) / np.count_nonzero(single),
+        "share_without_crutch": float(bare.sum() / single.sum()),
         "longest_without_crutch_s": max((end - start for start, end in find_spells(bare)), default=0) * tick,
         "static_margin_m": float(static.min()),
         "dynamic_margin_m": float(dynamic.min()),
