@@ -1,15 +1,15 @@
 """Quality of the shipped walks, and the range of wearers and belts in which they still walk.
 
-The walks of the treadmill compared with goals from human walking; combined draws of wearer,
-support and speed; speeds of the belt; small changes of support and mass. A minute on two cores; page:
-docs/background/default_walk.md.
+The walks of the treadmill compared with goals from human walking; combined draws of wearer, support and
+speed; speeds of the belt; small changes of support and mass; ways to hold the trunk. Two minutes on two
+cores; page: docs/background/default_walk.md.
 """
 
 # %%
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,15 @@ KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenar
 LOWEST, HIGHEST = (50.0, 1.50, 0.2, 0.8), (110.0, 1.95, 0.8, 1.9)
 DRAWS, SEED = 75, 19
 GEARS = (1.0, 0.9, 0.85, 0.7)  # efficiencies
+# Wearers, supports and ways to hold the trunk of the map of harnesses, on the walk in straps.
+WEARERS = [(mass, height) for mass in (55.0, 75.0, 95.0) for height in (1.60, 1.75, 1.90)]
+SUPPORTS = (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+LEVER = "scenario.support.strap_lever_m"
+HARNESSES: dict[str, dict[str, object]] = {
+    "locked": {"scenario.support.pitch": "locked"},
+    **{f"straps at {100 * lever:g} cm": {LEVER: lever} for lever in (0.05, 0.10, 0.15, 0.20)},
+    "free": {"scenario.support.pitch": "free"},
+}
 # Motors alone, which feed back the braking power.
 NO_ELECTRONICS = {
     "plant.electronics.inverter_resistance_Ohm": 0.0,
@@ -113,7 +122,7 @@ def measured(run: Run) -> dict[str, float | str]:
     }
 
 
-def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
+def walk_of(item: tuple[str, Mapping[str, object]]) -> Experiment:
     """Return the experiment of a preset or a table, with some changes."""
     name, changes = item
     preset, table = (name, []) if name in presets() else ("treadmill", [f"table={name}"])
@@ -137,6 +146,22 @@ def moves() -> dict[str, dict[str, float]]:
         "a tenth less mass": {"patient.mass_kg": 0.9 * mass},
         "a tenth more mass": {"patient.mass_kg": 1.1 * mass},
     }
+
+
+def harness_walks() -> dict[tuple[float, str], list[dict[str, object]]]:
+    """Return the changes of the walk in straps for each support and harness, by wearer."""
+    return {
+        (share, name): [
+            {KEYS[0]: mass, KEYS[1]: height, KEYS[2]: share, **harness} for mass, height in WEARERS
+        ]
+        for share in SUPPORTS
+        for name, harness in HARNESSES.items()
+    }
+
+
+def outcome(run: Run) -> str:
+    """Return the outcome of a run as one word."""
+    return str(run.verdict.outcome)
 
 
 def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) -> tuple[float, float] | None:
@@ -229,8 +254,10 @@ if __name__ == "__main__":
     count, speeds = (
         (DRAWS, np.round(np.arange(0.5, 3.01, 0.1), 1)) if not form.quick else (2, np.array([1.5]))
     )
+    # The quick form leaves out the walk in braces, whose loop takes a minute to compile.
+    names = WALKS if not form.quick else WALKS[:-1]
     jobs: dict[tuple[str, str], dict[str, float]] = {}
-    for name in WALKS:
+    for name in names:
         jobs[name, "nominal"] = {}
         jobs |= {(name, f"draw {number}"): draw for number, draw in enumerate(draws(count))}
         jobs |= {(name, f"{speed} km/h"): {KEYS[-1]: float(speed)} for speed in speeds}
@@ -238,10 +265,23 @@ if __name__ == "__main__":
     items = [(name, changes) for (name, _), changes in jobs.items()]
     with Workers(form.workers) as workers:
         results = run_episodes(walk_of, measured, items, workers=workers)
+        held = harness_walks() if not form.quick else {}
+        outcomes = run_episodes(
+            walk_of,
+            outcome,
+            [("treadmill_straps", item) for cell in held.values() for item in cell],
+            workers=workers,
+        )
     walks = dict(zip(jobs, results, strict=True))
-    nominal = {name: walks[name, "nominal"] for name in WALKS}
+    cells = {cell: outcomes[len(WEARERS) * number :][: len(WEARERS)] for number, cell in enumerate(held)}
+    harnesses = [
+        {"support": f"{100 * share:g} %"}
+        | {name: f"{cells[share, name].count('walked')} of {len(WEARERS)}" for name in HARNESSES}
+        for share in (SUPPORTS if held else ())
+    ]
+    nominal = {name: walks[name, "nominal"] for name in names}
     summary = []
-    for name in WALKS:
+    for name in names:
         walked = [walks[name, f"draw {number}"]["outcome"] == "walked" for number in range(count)]
         at_speed = [walks[name, f"{speed} km/h"]["outcome"] == "walked" for speed in speeds]
         found = speed_range(speeds.tolist(), at_speed, 1.5)
@@ -252,6 +292,7 @@ if __name__ == "__main__":
         {
             "goals": goal_rows(nominal),
             "reach": summary,
+            "harnesses": harnesses,
             "moved": moved_rows(walks, nominal),
             "draws": count,
             "nominal": nominal,
