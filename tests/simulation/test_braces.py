@@ -319,13 +319,13 @@ def test_a_mistake_is_one_line_with_its_location(value, facts):
 
 def test_braces_too_stiff_for_any_step_are_refused_with_a_softer_value():
     endless = BraceParameters(ankle=idealised(SpringDamper(stiffness=1.0, damping=3.0), stiffness=1e300))
-    with raises(TwinGaitError, "interface", "0.1 ms", "rk4"):
+    with raises(TwinGaitError, "interface", "0.25 ms", "rk4"):
         replace(load_experiment("treadmill").experiment, interface=endless).build_world()
 
 
 def test_the_suggested_step_is_stable_for_the_braces():
     stiff = "interface={kind: brace, ankle: {damping_Nms_per_rad: 1000}}"
-    with raises(TwinGaitError, "interface", "0.1 ms", "integration.step_ms") as caught:
+    with raises(TwinGaitError, "interface", "0.25 ms", "integration.step_ms") as caught:
         load_experiment("treadmill", [stiff]).experiment.build_world()
     step = str(caught.value).split("step_ms to ")[1].split()[0]
     world = load_experiment("treadmill", [stiff, f"integration.step_ms={step}"]).experiment.build_world()

@@ -125,7 +125,7 @@ def test_the_log_has_the_moment_of_the_straps(walk):
 
 
 def test_energy_closes(walk):
-    assert residual(walk) < 1e-4
+    assert residual(walk) < 1e-8
     assert walk.log["spring_work_J"].abs().max() > 1.0
 
 
@@ -150,7 +150,7 @@ def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
     setup = build_setup(load_experiment("treadmill", settings).experiment)
     runs = CompiledEngine(setup).run(), ReferenceEngine(setup, kernel=MujocoKernel(setup).functions).run()
     ours, theirs = map(log_matrix, runs)
-    assert np.ptp(runs[0].log["trunk_pitch_rad"]) > 0.02
+    assert np.ptp(runs[0].log["trunk_pitch_rad"]) > 0.01
     np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
 
 
@@ -213,3 +213,15 @@ def test_the_stable_step_regards_cuffs_on_elevations(braced):
         ]
     )
     np.testing.assert_allclose(pushed, expected, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.slow  # compiles a loop with braces for a minute
+def test_the_shipped_walk_in_straps_reaches_what_its_page_states():
+    run = simulate(load_experiment("treadmill_straps").experiment)
+    summary, legs = summarise_run(run), run.walk_measures().values()
+    assert run.verdict.outcome == "walked"
+    assert max(side["rmse_knee_by_contact_deg"] for side in summary["sides"].values()) < 4.5
+    assert min(leg["braking_peak"] for leg in legs) > -0.12
+    assert max(leg["load_peak"] for leg in legs) < 1.15
+    assert min(leg["knee_yield_deg"] for leg in legs) > 4.0
+    assert summary["step_stable"] and summary["energy_residual_share"] < 1e-8

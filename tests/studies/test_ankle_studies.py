@@ -130,7 +130,7 @@ def test_a_batch_has_columns_of_the_ankle_where_it_is_driven(walk: Run) -> None:
     assert table["left_ankle_torque_peak_Nm"][0] > 5.0
     columns = [name for name in table if name.startswith("left_ankle_")]
     assert [name.replace("ankle", "knee") for name in columns] == [
-        name for name in table if name.startswith("left_knee_")
+        name for name in table if name.startswith("left_knee_") and name != "left_knee_yield_deg"
     ]
 
 

@@ -46,7 +46,9 @@ class CrutchParameters(quantities.Parameters):
     """
 
     mass: Annotated[quantities.Mass, CRUTCHES] = 0.5
-    centre_of_mass: Annotated[quantities.Length, quantities.Range(0.0, 1.5)] = 0.0
+    centre_of_mass: Annotated[
+        quantities.Length, quantities.Range(0.0, 1.5, reason="the length of arm and crutch")
+    ] = 0.0
     inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.0
     length: Annotated[quantities.Ratio, quantities.Range(0.6, 1.1)] = 0.817
     tip_aside: Annotated[quantities.Length, quantities.Range(0.0, 1.0)] = 0.15
