@@ -115,11 +115,15 @@ def test_a_tip_that_has_lost_its_load_is_put_down_again() -> None:
     assert arms[0].grip.length == pytest.approx(before + 0.25e-3)
 
 
-@pytest.mark.parametrize(("pattern", "turn"), [("as_needed", LEFT), ("four_point", 0.0)])
-def test_nothing_withholds_a_step_as_needed_or_without_a_command_to_walk(pattern: str, turn: float) -> None:
+@pytest.mark.parametrize(
+    ("pattern", "turn", "announced"), [("as_needed", LEFT, 1.0), ("four_point", 0.0, 0.0)]
+)
+def test_a_step_is_free_as_needed_and_withheld_until_the_command_to_walk_is_perceived(
+    pattern: str, turn: float, announced: float
+) -> None:
     policy, sense = policy_of(pattern), new_perception(0, 0.1)
     arms = arms_of(policy)
     sense.turn = turn
     act(policy, sense, arms, (UNLOADED, UNLOADED))
-    assert sense.announcement == 1.0
+    assert sense.announcement == announced
     assert arms[0].phase == arms[1].phase == PLANTED
