@@ -1,4 +1,4 @@
-"""Heavy wearers: which walks are held, the torque that they need, and what makes them walk.
+"""Heavy wearers: walks that are held, the torque that they need, and changes with which they walk.
 
 Seventy-five wearers whose legs carry 60 to 110 kg, with the shipped limits and table, with the limit of the
 hardware and stance springs that grow in proportion to the carried mass, and with drives without limits. The
@@ -137,7 +137,7 @@ def cause_rows(walks: pd.DataFrame) -> list[dict[str, str]]:
 
 
 def need_rows(walks: pd.DataFrame, experiment: Experiment) -> list[dict[str, str]]:
-    """Return the torque that walks without limits need, by carried mass, and what the drives have."""
+    """Return the torque that walks without limits need, by carried mass, and that of the drives."""
     free = walks[(walks["variant"] == FREE) & (walks["outcome"] == WALKED)]
     rows = []
     for joint in ("hip", "knee"):

@@ -27,7 +27,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.parameters.wearer import Patient
 from twin_gait.simulation.simulation_setup import scaled_table
 from twin_gait.studies.tune import tune as stages
-from twin_gait.studies.tune.draws import MOST_CARRIED, draw_ranges, draw_worlds
+from twin_gait.studies.tune.draws import draw_ranges, draw_worlds
 from twin_gait.studies.tune.evolution import Evolution, rank_in_two_rounds
 from twin_gait.studies.tune.objective import (
     FALL,
@@ -298,12 +298,7 @@ def test_draws_are_in_their_ranges_and_the_device_receives_the_wearer() -> None:
         low, high = ranges[key]["lower"], ranges[key]["upper"]
         middle = math.sqrt(low * high) if ranges[key].get("logarithmic") else 0.5 * (low + high)
         assert low <= min(values) and max(values) <= high, key
-        if key != "support_share":  # raised for heavy wearers
-            assert sum(value < middle for value in values) == 8, key  # a Latin hypercube
-    carried = [
-        world.build_world().model.total_mass * (1.0 - world.scenario.support.share) for world in worlds
-    ]
-    assert max(carried) == pytest.approx(MOST_CARRIED) and min(carried) < 0.5 * MOST_CARRIED
+        assert sum(value < middle for value in values) == 8, key  # a Latin hypercube
     for world in worlds:
         assert world.control.patient.height == world.patient.height
         assert world.patient.mass / world.control.patient.mass == pytest.approx(1.0, abs=0.05)
@@ -324,7 +319,7 @@ def test_draws_depend_on_seed_and_stream_only() -> None:
 def test_draws_on_the_floor_have_arms_and_no_belt() -> None:
     worlds = draw_worlds(load_experiment("overground").experiment, 4, seed=0, stream=0).values()
     assert len({world.scenario.arms.delay for world in worlds}) == 4
-    assert all(0.15 <= world.scenario.arms.delay <= 0.20 for world in worlds)
+    assert all(0.15 <= world.scenario.arms.delay <= 0.19 for world in worlds)
 
 
 def test_a_leg_on_a_bench_cannot_be_tuned() -> None:
@@ -487,8 +482,10 @@ def test_a_stopped_tuning_has_no_result(bowl: Bowl, walks_before: int) -> None:
     assert tune(experiment, SHORT, should_stop=lambda: bowl.walks >= walks_before) is None
 
 
-def test_only_the_best_of_a_generation_are_simulated_in_the_other_cases(bowl: Bowl) -> None:
-    experiment = load_experiment("treadmill").experiment
+def tune_noting_walks(
+    bowl: Bowl, experiment: Experiment, settings: TuningSettings
+) -> tuple[Any, list[list[Experiment]]]:
+    """Return a tuning, and the walks of each of its rounds."""
     portions: list[list[Experiment]] = []
 
     def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating]:
@@ -497,7 +494,12 @@ def test_only_the_best_of_a_generation_are_simulated_in_the_other_cases(bowl: Bo
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages.walks, "walk_all", noted)
-        tune(experiment, TuningSettings(generations=1))
+        return tune(experiment, settings), portions
+
+
+def test_only_the_best_of_a_generation_are_simulated_in_the_other_cases(bowl: Bowl) -> None:
+    experiment = load_experiment("treadmill").experiment
+    _, portions = tune_noting_walks(bowl, experiment, TuningSettings(generations=1))
     nominal, others = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
     order = sorted(range(len(nominal)), key=lambda index: nominal_cost(alone[index]))[: stages.RACED]
@@ -522,15 +524,7 @@ def test_a_robust_search_finds_the_optimum_from_elsewhere(bowl: Bowl) -> None:
 
 def test_a_robust_search_is_judged_in_worlds_that_it_has_not_seen(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
-    portions: list[list[Experiment]] = []
-
-    def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating]:
-        portions.append(list(walks))
-        return bowl(walks, *rest, **options)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stages.walks, "walk_all", noted)
-        result = tune(experiment, replace(ROBUST, generations=2))
+    result, portions = tune_noting_walks(bowl, experiment, replace(ROBUST, generations=2))
     start, first_all, first_half, second_all, second_half, held_out = portions
     assert len(start) == 1 + ROBUST.draws
     assert len(first_all) == len(second_all) == ROBUST.population
@@ -545,18 +539,18 @@ def test_a_robust_search_is_judged_in_worlds_that_it_has_not_seen(bowl: Bowl) ->
 
 def test_numbers_of_the_experiment_are_searched_with_the_table(bowl: Bowl) -> None:
     key, experiment = "scenario.support.damping_Ns_per_m", load_experiment("treadmill").experiment
-    walked: set[float] = set()
-
-    def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating]:
-        walked.update(walk.scenario.support.damping for walk in walks)
-        return bowl(walks, *rest, **options)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stages.walks, "walk_all", noted)
-        result = tune(experiment, replace(ROBUST, generations=2, also={key: (50.0, 90.0, 130.0)}))
+    settings = replace(ROBUST, generations=2, also={key: (50.0, 90.0, 130.0)})
+    result, portions = tune_noting_walks(bowl, experiment, settings)
+    walked = {walk.scenario.support.damping for walks in portions for walk in walks}
     assert len(walked) > ROBUST.population
     assert min(walked) >= 50.0 and max(walked) <= 130.0
     assert result.initial.table[SETTINGS] == {key: 90.0}
+
+
+def test_a_range_of_an_experiment_that_does_not_rise_is_rejected_by_its_key() -> None:
+    experiment = load_experiment("treadmill").experiment
+    with raises(ParameterError, "scenario.support.damping_Ns_per_m", "130.0"):
+        tune(experiment, replace(ROBUST, also={"scenario.support.damping_Ns_per_m": (130.0, 90.0, 50.0)}))
 
 
 def test_ranks_of_the_second_round_come_before_those_of_the_first() -> None:

@@ -1,6 +1,6 @@
 """Load, moment and work of arms and crutches, and the support and frontal margin that they give on one foot.
 
-The margin is an estimate beside the dynamics, which are planar: :func:`frontal_margins`.
+The margin is an estimate in addition to the planar dynamics: :func:`frontal_margins`.
 """
 
 import math

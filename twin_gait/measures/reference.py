@@ -133,8 +133,8 @@ def reference_cycle_time(speed: float, height: float) -> float:
     return 2.0 * math.sqrt(ratio / speed)
 
 
-# Share of the stride in double support, by speed [m/s]: means of people who were told to walk slowly and at
-# their own pace (supplemental table 5 of a study whose title the copy does not give, found; standard
+# Share of the stride in double support, by speed [m/s]: means of people who were instructed to walk slowly
+# and at their own pace (supplemental table 5 of a study whose title the copy does not give, found; standard
 # deviations of 19 and 9 points). Two treadmill studies give 46 to 48 % at 0.43 to 0.50 m/s (doi
 # 10.1186/s12984-023-01286-6, table 3, found), and stance durations of 64.2 - 3.5 v % (Kirtley et al. 1985,
 # found) give 19 % at 1.3 m/s, where the line below gives 21 %.
@@ -144,8 +144,8 @@ _SLOW_DOUBLE_SUPPORT, _OWN_DOUBLE_SUPPORT = (0.39, 0.462), (0.93, 0.310)
 def reference_double_support(speed: float) -> float:
     """Compute the share of the stride with both feet loaded in healthy walking at a speed in [m/s].
 
-    It is a line through two published pairs of speed and share; its uncertainty is some 5 percent of the
-    stride.
+    It is a line through two published pairs of speed and share, whose standard deviations are 19 and 9
+    percent of the stride.
     """
     (slow, share), (faster, smaller) = _SLOW_DOUBLE_SUPPORT, _OWN_DOUBLE_SUPPORT
     return share + (smaller - share) * (speed - slow) / (faster - slow)

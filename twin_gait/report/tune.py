@@ -63,7 +63,9 @@ def tuning_drawings(
     return {
         "gait": partial(canvas.draw_mean_cycles, experiment, runs, colours),
         "trade_offs": partial(draw_trade_offs, outcome["trade_offs"], outcome["joints"]),
-        "convergence": partial(draw_convergence, outcome["convergence"]),
+        "convergence": partial(
+            draw_convergence, outcome["convergence"], is_minimum=outcome["effort"]["search"] != "CMA-ES"
+        ),
     }
 
 
@@ -106,13 +108,17 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
     return figure
 
 
-def draw_convergence(best: Sequence[float]) -> Figure:
-    """Draw the best cost after each generation; generation 0 is the start."""
+def draw_convergence(best: Sequence[float], *, is_minimum: bool = True) -> Figure:
+    """Draw the best cost after each generation; generation 0 is the start.
+
+    ``is_minimum``: whether the costs of all generations are of the same walks, so that the best one so far
+    is drawn.
+    """
     figure = Figure(figsize=(canvas.SCREEN_WIDTH, 3.4), layout="constrained")
     axes = figure.subplots()
     axes.step(range(len(best)), best, "o-", where="post", color=AFTER_COLOUR)
     axes.set_ylim(bottom=0.0)
-    style_panel(axes, "", "best cost so far")
+    style_panel(axes, "", "best cost so far" if is_minimum else "cost of the best candidate")
     axes.set_xlabel("generation")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure

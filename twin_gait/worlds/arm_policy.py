@@ -198,8 +198,11 @@ def announce_step(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm) ->
     A person who moves the crutches as needed lets the device step at any time. With another pattern a person
     who has not yet perceived the command to walk announces no step.
     """
-    if policy.pattern == AS_NEEDED or sense.turn == 0.0:
-        sense.announcement = 1.0 if policy.pattern == AS_NEEDED else 0.0
+    if policy.pattern == AS_NEEDED:
+        sense.announcement = 1.0
+        return
+    if sense.turn == 0.0:
+        sense.announcement = 0.0
         return
     in_step = sense.stepping > 0.0
     if in_step == (policy.pattern == FOUR_POINT):

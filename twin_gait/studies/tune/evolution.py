@@ -32,6 +32,7 @@ class Evolution:
         except ModuleNotFoundError as error:
             raise MissingOptionalDependency("cma", "robust", "a robust tuning") from error
         self.generation = 0
+        self._asked: list[np.ndarray] = []
         random = np.random.default_rng(seed)
         options = {
             "bounds": [0.0, 1.0],
@@ -48,14 +49,9 @@ class Evolution:
         """Mean of the distribution, the best estimate so far."""
         return self._inside(self._search.result.xfavorite)
 
-    @property
-    def spread(self) -> float:
-        """Mean standard deviation of the coordinates."""
-        return float(np.mean(self._search.result.stds))
-
     def candidates(self) -> list[list[float]]:
         """Return the candidates of the next generation."""
-        self._asked: list[np.ndarray] = self._search.ask()
+        self._asked = self._search.ask()
         return [self._inside(point) for point in self._asked]
 
     def update(self, costs: Sequence[float]) -> None:

@@ -142,7 +142,9 @@ def result_document(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, A
         },
         "parameters": _parameters(tuning, after),
         "convergence": [item.cost for item in generations],
+        "falls": {"before": before.falls, "after": after.falls},
         "effort": {
+            "search": "CMA-ES" if settings.robust else "damped least squares",
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
             "candidates": sum(len(item.tried) for item in generations),

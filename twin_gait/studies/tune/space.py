@@ -20,6 +20,7 @@ from twin_gait.configuration.sections import rounded
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import ANGLE, find_signal
 from twin_gait.gait.table import BlendingLaw, GaitTable
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.yaml12 import load_data
 
@@ -112,10 +113,14 @@ def experiment_parameters(ranges: Mapping[str, tuple[float, float, float]]) -> t
     """Return numbers of the experiment that are searched together with the table.
 
     ``ranges``: least value, start and largest value by key, as for ``--set``. They are rounded to three
-    digits of their range.
+    digits of their range. Raises ParameterError if they do not rise.
     """
     found = []
     for key, (lower, start, upper) in ranges.items():
+        rising = lower <= start <= upper and lower < upper
+        require(
+            rising, f"also {key}", "least value, start and largest value in this order", (lower, start, upper)
+        )
         digits = max(0, 2 - math.floor(math.log10(upper - lower)))
         found.append(Parameter(key, (SETTINGS, key), "", start, lower, upper, digits, False, None))
     return tuple(found)

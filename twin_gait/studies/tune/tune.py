@@ -142,6 +142,7 @@ class Tuning:
         others = space.experiment_parameters(settings.also)
         if others:
             self._table[space.SETTINGS] = {item.path[-1]: item.start for item in others}
+            with_candidate(self.experiment, self._table)  # reports an unknown key before anything is compiled
         self.parameters = (*table, *others)
         self.generations: list[Generation] = []
         if settings.robust:
@@ -176,7 +177,9 @@ class Tuning:
     def _report_stage(self, stage: str) -> float:
         """Report the next stage; return the elapsed minutes."""
         minutes, found = (time.perf_counter() - self._start_time) / 60.0, self.generations
-        best = f", best: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
+        # The worlds of a robust search differ between generations, so its costs are not a minimum so far.
+        words = "best candidate" if self.settings.robust else "best"
+        best = f", {words}: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
         self._report(f"{minutes:4.1f} min  {stage}{best}")
         return minutes
 
