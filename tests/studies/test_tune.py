@@ -340,13 +340,13 @@ def _valley(point: Sequence[float]) -> np.ndarray:
 def _searched(descent: Descent, generations: int) -> Descent:
     for _ in range(generations):
         points = descent.neighbours()
-        descent.update_slopes(points, [_valley(point) for point in points])
+        descent.update_slopes(points, [[_valley(point)] for point in points])
         candidates = [*((None, point) for point in points), *descent.candidate_steps()]
         costs = [float(_valley(point) @ _valley(point)) for _, point in candidates]
         best = int(np.argmin(costs))
         if costs[best] < descent.cost:
             damping, point = candidates[best]
-            descent.accept_step(point, costs[best], _valley(point), damping)
+            descent.accept_step(point, costs[best], [_valley(point)], damping)
         else:
             descent.reject_steps()
     return descent
@@ -354,7 +354,7 @@ def _searched(descent: Descent, generations: int) -> Descent:
 
 def _begun() -> Descent:
     start = [0.2] * 6
-    return Descent(start, float(_valley(start) @ _valley(start)), _valley(start))
+    return Descent(start, float(_valley(start) @ _valley(start)), [_valley(start)])
 
 
 def test_the_search_finds_the_bottom_of_a_valley() -> None:
@@ -365,24 +365,50 @@ def test_the_search_finds_the_bottom_of_a_valley() -> None:
 def test_the_slopes_of_a_plane_are_found_and_descended() -> None:
     plane, at = np.array([[2.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.array([0.5, 0.5, 0.5])
     own = plane @ at - 1.2
-    descent = Descent(at.tolist(), float(own @ own), own)
+    descent = Descent(at.tolist(), float(own @ own), [own])
     points = descent.neighbours()
     np.testing.assert_allclose(np.array(points) - at, REACH * np.eye(3), atol=1e-12)
-    descent.update_slopes(points, [plane @ np.array(point) - 1.2 for point in points])
-    np.testing.assert_allclose(descent.slopes, plane.T, rtol=1e-9, atol=1e-9)
+    descent.update_slopes(points, [[plane @ np.array(point) - 1.2] for point in points])
+    np.testing.assert_allclose(descent.slopes[0], plane.T, rtol=1e-9, atol=1e-9)
     damping, point = descent.candidate_steps()[0]
     step = -np.linalg.solve(plane.T @ plane + damping**2 * np.eye(3), plane.T @ own)
     np.testing.assert_allclose(point, np.clip(at + step, 0.0, 1.0), atol=1e-6)
 
 
+def test_slopes_of_several_worlds_are_stacked_with_their_weights() -> None:
+    planes = [np.array([[2.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 1.0]])]
+    levels, weights, at = [1.2, 0.4], (0.75, 0.25), np.array([0.5, 0.5])
+
+    def walk(point: np.ndarray) -> list[np.ndarray]:
+        return [plane @ point - level for plane, level in zip(planes, levels, strict=True)] + [np.zeros(0)]
+
+    own = walk(at)
+    descent = Descent(at.tolist(), 1.0, own, (*weights, 1.0))  # the table does not walk in the third world
+    points = descent.neighbours()
+    descent.update_slopes(points, [walk(np.array(point)) for point in points])
+    damping, point = descent.candidate_steps()[0]
+    pairs = list(zip(weights, planes, strict=True))
+    square = sum(weight * plane.T @ plane for weight, plane in pairs) + damping**2 * np.eye(2)
+    ascent = sum(weight * plane.T @ here for (weight, plane), here in zip(pairs, own[:2], strict=True))
+    np.testing.assert_allclose(point, np.clip(at - np.linalg.solve(square, ascent), 0.0, 1.0), atol=1e-6)
+
+
+def test_a_world_in_which_the_table_begins_to_walk_gets_slopes_of_its_own() -> None:
+    descent = Descent([0.5], 1.0, [np.ones(2), np.zeros(0)], (0.5, 0.5))
+    descent.update_slopes(descent.neighbours(), [[np.full(2, 1.1), np.ones(3)]])
+    kept = descent.slopes[0]
+    descent.accept_step([0.55], 0.9, [np.full(2, 1.1), np.ones(3)], 1.0)
+    assert descent.slopes[0] is kept and descent.slopes[1] is None
+
+
 def test_a_step_to_another_kind_of_gait_gives_no_slope_and_earlier_slopes_fade() -> None:
-    descent = Descent([0.5, 0.5], 1.0, np.array([1.0, 0.0]), np.diag([4.0, 2.0]))
-    descent.update_slopes(descent.neighbours(), [np.zeros(0), np.array([9.0, 0.0])])
-    np.testing.assert_array_equal(descent.slopes, np.diag([2.0, 1.0]))
+    descent = Descent([0.5, 0.5], 1.0, [np.array([1.0, 0.0])], slopes=[np.diag([4.0, 2.0])])
+    descent.update_slopes(descent.neighbours(), [[np.zeros(0)], [np.array([9.0, 0.0])]])
+    np.testing.assert_array_equal(descent.slopes[0], np.diag([2.0, 1.0]))
 
 
 def test_parameters_are_varied_up_and_down_in_turn_within_their_range() -> None:
-    descent = Descent([0.5, 0.01, 0.99], 1.0, np.ones(1))
+    descent = Descent([0.5, 0.01, 0.99], 1.0, [np.ones(1)])
     up = descent.neighbours()
     descent.reject_steps()
     down = descent.neighbours()
@@ -395,9 +421,9 @@ def test_parameters_are_varied_up_and_down_in_turn_within_their_range() -> None:
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=6, max_size=6))
 def test_candidates_stay_in_the_cube(at: list[float]) -> None:
-    descent = Descent(at, 1.0, 10.0 * _valley(at))
+    descent = Descent(at, 1.0, [10.0 * _valley(at)])
     points = descent.neighbours()
-    descent.update_slopes(points, [10.0 * _valley(point) for point in points])
+    descent.update_slopes(points, [[10.0 * _valley(point)] for point in points])
     for point in (*points, *(point for _, point in descent.candidate_steps())):
         assert min(point) >= 0.0 and max(point) <= 1.0
 
@@ -409,7 +435,7 @@ def test_a_search_is_deterministic() -> None:
 
 
 def test_a_search_that_gains_nothing_ends() -> None:
-    descent = Descent([0.5], 1.0, np.ones(1))
+    descent = Descent([0.5], 1.0, [np.ones(1)])
     for _ in range(MAX_GENERATIONS_WITHOUT_GAIN):
         assert not descent.has_ended
         descent.reject_steps()

@@ -239,16 +239,17 @@ def nominal_cost(walk: Rating) -> float:
     return total if total <= half else WORST - half * half / total
 
 
-def residuals(walk: Rating) -> np.ndarray:
-    """Compute numbers whose squares add up to about the :func:`nominal_cost` of a walk; none after a fall.
+def residuals(walk: Rating, *, nominal: bool = True) -> np.ndarray:
+    """Compute numbers whose squares add up to about the cost of a walk; none after a fall.
 
-    The errors enter sample by sample, which contains more information than one number for each joint.
+    ``nominal``: whether the cost is the :func:`nominal_cost`, in which exceeding a goal costs more. The
+    errors enter sample by sample, which contains more information than one number for each joint.
     """
     if walk.fell or not walk.deviations:
         return np.zeros(0)
     costs = term_costs(walk.values, walk.joints)
     others = [math.sqrt(costs[part.name]) for part in walk.terms[len(walk.joints) :]]
-    return np.array([*walk.deviations, *others, *_excess_residuals(walk)])
+    return np.array([*walk.deviations, *others, *(_excess_residuals(walk) if nominal else ())])
 
 
 def _excess_residuals(walk: Rating) -> list[float]:

@@ -12,11 +12,14 @@ for several dampings μ, each in full and in part (K. Levenberg, Quarterly of Ap
 164-168; D. W. Marquardt, SIAM Journal on Applied Mathematics 11 (1963) 431-441). The search continues from
 the best of all these points. The objective is rugged: slopes are therefore computed from moves of several
 percent of a number's range, up and down in alternation, and slopes of earlier generations decay by halves.
+A table that walks in several worlds has residuals and slopes in each, which are stacked with the weights of
+the worlds. A world in which the table does not walk has no slopes; only the costs decide there.
 The search is deterministic.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -49,12 +52,19 @@ class Descent:
 
     point: list[float]  # coordinates from 0 to 1
     cost: float  # cost at the point
-    residuals: np.ndarray  # residuals at the point; empty if the table does not walk
-    slopes: np.ndarray | None = None  # J by number of the table; None before the first generation
+    residuals: list[np.ndarray]  # residuals at the point by world; empty where the table does not walk
+    weights: tuple[float, ...] = (1.0,)  # weight of each world in the cost
+    slopes: list[np.ndarray | None] = field(
+        default_factory=list
+    )  # J by world and number; None before the first
     reach: float = REACH  # move of a number for the slopes
     damping: float = DAMPING  # best damping so far
     generation: int = 0  # number of finished generations
     gained: int = 0  # last generation with a gain
+
+    def __post_init__(self) -> None:
+        """Start without slopes unless they are given."""
+        self.slopes = self.slopes or [None] * len(self.residuals)
 
     @property
     def has_ended(self) -> bool:
@@ -73,26 +83,39 @@ class Descent:
             found.append([*self.point[:index], moved, *self.point[index + 1 :]])
         return found
 
-    def update_slopes(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray]) -> None:
-        """Update the slopes from the neighbours; slopes to another kind of gait count as 0."""
-        here = self.residuals
-        slopes = np.zeros((len(neighbours), len(here)))
-        for index, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
-            if len(there) and len(here) and there @ there <= OTHER_GAIT * (here @ here):
-                slopes[index] = (there - here) / (neighbour[index] - self.point[index])
-        self.slopes = slopes if self.slopes is None else MEMORY * self.slopes + (1.0 - MEMORY) * slopes
+    def update_slopes(
+        self, neighbours: Sequence[Sequence[float]], residuals: Sequence[Sequence[np.ndarray]]
+    ) -> None:
+        """Update the slopes from the neighbours; slopes to another kind of gait count as 0.
+
+        ``residuals``: of each neighbour in each world.
+        """
+        for world, here in enumerate(self.residuals):
+            slopes = np.zeros((len(neighbours), len(here)))
+            for index, neighbour in enumerate(neighbours):
+                there = residuals[index][world]
+                if len(there) and len(here) and there @ there <= OTHER_GAIT * (here @ here):
+                    slopes[index] = (there - here) / (neighbour[index] - self.point[index])
+            before = self.slopes[world]
+            self.slopes[world] = slopes if before is None else MEMORY * before + (1.0 - MEMORY) * slopes
 
     def candidate_steps(self) -> list[tuple[float, list[float]]]:
         """Return dampings, and the points to which their steps lead, in full and in part.
 
         Returns none before the table walks.
         """
-        if not len(self.residuals) or self.slopes is None:
+        walked = [
+            (math.sqrt(weight) * slopes.T, math.sqrt(weight) * here)
+            for weight, slopes, here in zip(self.weights, self.slopes, self.residuals, strict=True)
+            if slopes is not None and len(here)
+        ]
+        if not walked:
             return []
+        slopes, residuals = (np.concatenate(parts) for parts in zip(*walked, strict=True))
         point, found = np.array(self.point), []
-        target = np.append(-self.residuals, np.zeros(len(point)))
+        target = np.append(-residuals, np.zeros(len(point)))
         for damping in (factor * self.damping for factor in FACTORS):
-            damped = np.vstack((self.slopes.T, damping * np.eye(len(point))))
+            damped = np.vstack((slopes, damping * np.eye(len(point))))
             # The solver needs a distance between the bounds, also for a number whose range is a single value.
             step = lsq_linear(damped, target, (-point - _BOUND_MARGIN, 1.0 - point + _BOUND_MARGIN)).x
             for part in PARTS_OF_STEPS:
@@ -100,12 +123,13 @@ class Descent:
         return found
 
     def accept_step(
-        self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None
+        self, point: list[float], cost: float, residuals: list[np.ndarray], damping: float | None
     ) -> None:
         """Continue from another point, for the gain of a step with some damping, or of a neighbour."""
         self.point, self.cost = point, cost
-        if len(residuals) != len(self.residuals):
-            self.slopes = None  # the table walks now
+        for world, (before, after) in enumerate(zip(self.residuals, residuals, strict=True)):
+            if len(after) != len(before):
+                self.slopes[world] = None  # the table walks there now, or no more
         self.residuals = residuals
         if damping is not None:
             self.damping = float(np.clip(damping, *DAMPINGS))

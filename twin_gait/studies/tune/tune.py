@@ -20,6 +20,7 @@ from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.walks import (
     build_cases,
     candidate_table,
+    case_weights,
     table_performance,
     walker,
     weighted_cost,
@@ -200,54 +201,70 @@ class Tuning:
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
     def _search(self) -> Iterator[Generation]:
-        """Walk the initial table, then generations until there is no more gain."""
-        (ratings,) = self._walk([self._table], self.search_cases.values())
-        point = [item.start_coordinate for item in self.parameters]
-        descent = Descent(point, weighted_cost(ratings), residuals(ratings[0]))
-        yield Generation(point, descent.cost, [table_performance(ratings)])
-        while not descent.has_ended:
-            yield self._generation(descent)
+        """Walk the initial table, then generations until there is no more gain.
 
-    def _generation(self, descent: Descent) -> Generation:
+        Slopes come from the nominal walk; the two corners only decide between the best candidates.
+        """
+        point = [item.start_coordinate for item in self.parameters]
+        (ratings,) = self._walk([self._table], self.search_cases.values())
+        yield Generation(point, weighted_cost(ratings), [table_performance(ratings)])
+        yield from self._descend(point, ratings, 1)
+
+    def _robust_search(self) -> Iterator[Generation]:
+        """Walk the start, evolve it until it walks, then follow the slopes over all worlds of the search."""
+        settings = self.settings
+        point = np.array([item.start_coordinate for item in self.parameters])
+        point += settings.scatter * np.random.default_rng(settings.seed).standard_normal(len(point))
+        best = np.clip(point, 0.0, 1.0).tolist()
+        (ratings,) = self._walk([self._table_at(best)], self.search_cases.values())
+        yield Generation(best, weighted_cost(ratings), [table_performance(ratings)])
+        if not walks_enough(ratings):
+            search = Evolution(
+                best, spread=settings.spread, population=settings.population, seed=settings.seed
+            )
+            while not walks_enough(ratings):
+                generation = self._evolve(search)
+                best = generation.point
+                (ratings,) = self._walk([self._table_at(best)], self.search_cases.values())
+                yield generation
+        yield from self._descend(best, ratings, len(self.search_cases))
+
+    def _descend(self, point: list[float], ratings: Sequence[Rating], sloped: int) -> Iterator[Generation]:
+        """Run generations of least squares from a point until there is no more gain.
+
+        ``ratings``: walks of the point in all cases of the search. ``sloped``: number of cases, from the
+        nominal one on, in which slopes are measured.
+        """
+        weights = case_weights(sloped)
+        descent = Descent(point, weighted_cost(ratings), _all_residuals(ratings[:sloped]), weights)
+        while not descent.has_ended:
+            yield self._generation(descent, sloped)
+
+    def _generation(self, descent: Descent, sloped: int) -> Generation:
         """Walk one generation and continue from its best candidate."""
-        first, *corners = self.search_cases.values()
+        cases = list(self.search_cases.values())
         neighbours = descent.neighbours()
-        ratings = self._walk([self._table_at(point) for point in neighbours], [first])
-        descent.update_slopes(neighbours, [residuals(walk) for (walk,) in ratings])
+        ratings = self._walk([self._table_at(point) for point in neighbours], cases[:sloped])
+        descent.update_slopes(neighbours, [_all_residuals(item) for item in ratings])
         candidates = [*((None, point) for point in neighbours), *descent.candidate_steps()]
         tables = [self._table_at(point) for _, point in candidates]
-        ratings += self._walk(tables[len(ratings) :], [first])
-        nominal = [nominal_cost(walk) for (walk,) in ratings]
-        raced = sorted(range(len(tables)), key=nominal.__getitem__)[:RACED]
-        others = self._walk([tables[index] for index in raced], corners)
+        ratings += self._walk(tables[len(ratings) :], cases[:1])
+        nominal = [nominal_cost(item[0]) for item in ratings]
+        unfinished = [index for index, item in enumerate(ratings) if len(item) < len(cases)]
+        raced = sorted(unfinished, key=nominal.__getitem__)[:RACED]
+        others = self._walk([tables[index] for index in raced], cases[1:])
         for index, more in zip(raced, others, strict=True):
             ratings[index] += more
-        costs = {index: weighted_cost(ratings[index]) for index in raced}
+        costs = {index: weighted_cost(item) for index, item in enumerate(ratings) if len(item) == len(cases)}
         for index in sorted(costs, key=costs.__getitem__):
             better = costs[index] < descent.cost
             if better and not self._has_errors(tables[index]):
                 damping, point = candidates[index]
-                descent.accept_step(point, costs[index], residuals(ratings[index][0]), damping)
+                descent.accept_step(point, costs[index], _all_residuals(ratings[index][:sloped]), damping)
                 break
         else:
             descent.reject_steps()
         return Generation(descent.point, descent.cost, [table_performance(item) for item in ratings])
-
-    def _robust_search(self) -> Iterator[Generation]:
-        """Walk the start, then generations of candidates in worlds that are new in each generation."""
-        settings = self.settings
-        point = np.array([item.start_coordinate for item in self.parameters])
-        point += settings.scatter * np.random.default_rng(settings.seed).standard_normal(len(point))
-        search = Evolution(
-            np.clip(point, 0.0, 1.0).tolist(),
-            spread=settings.spread,
-            population=settings.population,
-            seed=settings.seed,
-        )
-        (ratings,) = self._walk([self._table_at(search.mean)], self.search_cases.values())
-        yield Generation(search.mean, weighted_cost(ratings), [table_performance(ratings)])
-        while True:
-            yield self._evolve(search)
 
     def _evolve(self, search: Evolution) -> Generation:
         """Walk one generation of the robust search; its cost is the one of its best candidate."""
@@ -288,6 +305,20 @@ class Tuning:
             Finalist(table, point, dict(zip(self._robust_cases, ratings, strict=True)))
             for (table, point), ratings in zip(chosen, results, strict=True)
         ]
+
+
+def walks_enough(ratings: Sequence[Rating]) -> bool:
+    """Return whether a table has slopes that a search can follow.
+
+    It must make strides in the nominal world, the first, and in at least half of the others.
+    """
+    nominal, *others = (len(found) > 0 for found in _all_residuals(ratings))
+    return nominal and 2 * sum(others) >= len(others)
+
+
+def _all_residuals(ratings: Sequence[Rating]) -> list[np.ndarray]:
+    """Return the residuals of the walks of a table, the nominal one first."""
+    return [residuals(rating, nominal=number == 0) for number, rating in enumerate(ratings)]
 
 
 def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:

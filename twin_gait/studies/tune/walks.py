@@ -95,10 +95,16 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
     of the others.
     """
     nominal, *others = walks
+    costs = [nominal_cost(nominal), *(walk.cost for walk in others)]
+    return sum(weight * cost for weight, cost in zip(case_weights(len(walks)), costs, strict=True))
+
+
+def case_weights(count: int) -> tuple[float, ...]:
+    """Return the weights of the cases in the cost of a table, which add up to 1; the nominal one is first."""
+    others = count - 1
     if not others:
-        return nominal_cost(nominal)
-    mean = sum(walk.cost for walk in others) / len(others)
-    return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
+        return (1.0,)
+    return (NOMINAL_WEIGHT, *([(1.0 - NOMINAL_WEIGHT) / others] * others))
 
 
 def build_cases(nominal: Experiment, kind: str) -> dict[str, Experiment]:
