@@ -83,7 +83,7 @@ def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
 
 def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
     nothing = {"candidates": [], "before": [9.0, 24.0, 9.5], "after": [8.0, 24.0, 9.5]}
-    effort = {"search": "damped least squares"}
+    effort = {"evolved_generations": 0}
     outcome = {"trade_offs": nothing, "joints": JOINTS, "convergence": [9.5, 9.0], "effort": effort}
     drawings = pictures.tuning_drawings(outcome, walk.experiment, {"before": walk, "after": walk})
     figures = {name: draw() for name, draw in drawings.items()}

@@ -40,7 +40,14 @@ from twin_gait.studies.tune.objective import (
     walk_cost,
 )
 from twin_gait.studies.tune.result import verdict
-from twin_gait.studies.tune.search import MAX_GENERATIONS_WITHOUT_GAIN, REACH, Descent, Generation
+from twin_gait.studies.tune.search import (
+    FACTORS,
+    MAX_GENERATIONS_WITHOUT_GAIN,
+    PARTS_OF_STEPS,
+    REACH,
+    Descent,
+    Generation,
+)
 from twin_gait.studies.tune.space import (
     SETTINGS,
     apply_coordinates,
@@ -447,10 +454,14 @@ def test_a_search_that_gains_nothing_ends() -> None:
 
 
 class Bowl:
-    """Walks whose cost is a bowl over two numbers of the table; everything else does not matter."""
+    """Walks whose cost is a bowl over two numbers of the table; everything else does not matter.
+
+    A walk whose angle is more than ``cliff`` degrees from the optimum falls.
+    """
 
     def __init__(self) -> None:
         self.walks = 0
+        self.cliff = math.inf
 
     def __call__(
         self,
@@ -472,7 +483,9 @@ class Bowl:
             values: dict[str, float | None] = {part.name: 0.0 for part in PARTS}
             values |= {"hip_error_deg": hip, "knee_error_deg": knee}
             residuals = ((angle - 45.0) / 20.0, math.log(stiffness / 3.0))
-            results.append(Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, residuals))
+            fell, lasted = abs(angle - 45.0) > self.cliff, 20.0 / (20.0 + abs(angle - 45.0))
+            cost = walk_cost(values, lasted, fell, JOINTS)
+            results.append(Rating(cost, values, fell, lasted, () if fell else residuals))
         return results
 
 
@@ -551,16 +564,33 @@ def test_a_robust_search_finds_the_optimum_from_elsewhere(bowl: Bowl) -> None:
 def test_a_robust_search_is_judged_in_worlds_that_it_has_not_seen(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     result, portions = tune_noting_walks(bowl, experiment, replace(ROBUST, generations=2))
-    start, first_all, first_half, second_all, second_half, held_out = portions
+    start, neighbours, steps, raced, *_, held_out = portions
     assert len(start) == 1 + ROBUST.draws
-    assert len(first_all) == len(second_all) == ROBUST.population
-    assert len(first_half) == len(second_half) == ROBUST.draws * ROBUST.population // 2
+    assert len(neighbours) == len(result.parameters) * (1 + ROBUST.draws)
+    assert len(steps) == len(FACTORS) * len(PARTS_OF_STEPS)
+    assert len(raced) == stages.RACED * ROBUST.draws
     assert len(held_out) == len(result.ranked) * (1 + ROBUST.held_out)
-    masses = [
-        {walk.patient.mass for walk in walks} - {experiment.patient.mass}
-        for walks in (start, first_half, second_half, held_out)
-    ]
-    assert all(masses) and sum(map(len, masses)) == len(set.union(*masses))  # no world twice
+    searched, judged = (
+        {walk.patient.mass for walk in walks} - {experiment.patient.mass} for walks in (start, held_out)
+    )
+    assert {walk.patient.mass for walk in (*neighbours, *raced)} == searched | {experiment.patient.mass}
+    assert len(searched) == ROBUST.draws and len(judged) == ROBUST.held_out and not searched & judged
+
+
+def test_a_start_that_falls_is_evolved_until_it_walks(bowl: Bowl) -> None:
+    experiment = load_experiment("treadmill").experiment
+    start = math.degrees(experiment.table.phases["swing_flexion"].joints["hip"].equilibrium_angle)
+    bowl.cliff = 0.7 * abs(start - 45.0)
+    result, portions = tune_noting_walks(bowl, experiment, ROBUST)
+    assert 0 < result.evolved < ROBUST.generations
+    first_all, first_half = portions[1:3]
+    assert len(first_all) == ROBUST.population
+    assert len(first_half) == ROBUST.draws * ROBUST.population // 2
+    costs = [generation.cost for generation in result.generations[result.evolved + 1 :]]
+    assert costs == sorted(costs, reverse=True)
+    best = result.ranked[0].table["phases"]["swing_flexion"]
+    assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.5)
+    assert result.initial.falls == 1 + ROBUST.held_out and result.ranked[0].falls == 0
 
 
 def test_numbers_of_the_experiment_are_searched_with_the_table(bowl: Bowl) -> None:
@@ -568,8 +598,7 @@ def test_numbers_of_the_experiment_are_searched_with_the_table(bowl: Bowl) -> No
     settings = replace(ROBUST, generations=2, also={key: (50.0, 90.0, 130.0)})
     result, portions = tune_noting_walks(bowl, experiment, settings)
     walked = {walk.scenario.support.damping for walks in portions for walk in walks}
-    assert len(walked) > ROBUST.population
-    assert min(walked) >= 50.0 and max(walked) <= 130.0
+    assert walked == {90.0, 94.0, 86.0}  # the start, then 5 % of the range up and down
     assert result.initial.table[SETTINGS] == {key: 90.0}
 
 

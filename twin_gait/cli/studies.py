@@ -55,8 +55,13 @@ def add_parser(commands: Any) -> None:
     add("--robust", action="store_true", help="tune for random wearers, supports, belts, drives and grounds")
     robust = parser.add_argument_group("options of --robust")
     add = robust.add_argument
-    add("--population", type=int, metavar="N", help="number of candidates of a generation (24)")
-    add("--draws", type=int, metavar="N", help="number of random worlds of a generation (8)")
+    add(
+        "--population",
+        type=int,
+        metavar="N",
+        help="number of candidates of a generation before the table walks (24)",
+    )
+    add("--draws", type=int, metavar="N", help="number of random worlds of the search (8)")
     add("--held-out", type=int, metavar="N", help="number of other random worlds for the result (100)")
     add("--spread", type=float, metavar="S", help="standard deviation of the first candidates (0.08)")
     add("--scatter", type=float, metavar="S", help="random distance of the start from the table (0)")

@@ -64,7 +64,7 @@ def tuning_drawings(
         "gait": partial(canvas.draw_mean_cycles, experiment, runs, colours),
         "trade_offs": partial(draw_trade_offs, outcome["trade_offs"], outcome["joints"]),
         "convergence": partial(
-            draw_convergence, outcome["convergence"], is_minimum=outcome["effort"]["search"] != "CMA-ES"
+            draw_convergence, outcome["convergence"], is_minimum=outcome["effort"]["evolved_generations"] == 0
         ),
     }
 

@@ -1,9 +1,10 @@
-"""The robust search: covariance matrix adaptation over all numbers at once.
+"""The search for a table that walks: covariance matrix adaptation over all numbers at once.
 
 In each generation the candidates are drawn from a normal distribution. All walk the nominal case; the better
 half also walks random worlds, which are the same for all candidates of a generation and new in each, so that
 the mean of the distribution moves to tables that are good in worlds that they have not walked in before. Only
-the order of the candidates counts. The search needs the package ``cma`` (extra ``robust``).
+the order of the candidates counts. In a robust tuning it precedes :mod:`twin_gait.studies.tune.search`, whose
+slopes need a table that walks. It needs the package ``cma`` (extra ``robust``).
 """
 
 from collections.abc import Callable, Sequence

@@ -144,7 +144,11 @@ def result_document(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, A
         "convergence": [item.cost for item in generations],
         "falls": {"before": before.falls, "after": after.falls},
         "effort": {
-            "search": "CMA-ES" if settings.robust else "damped least squares",
+            "search": "CMA-ES until the table walks, then damped least squares"
+            if tuning.evolved
+            else "damped least squares",
+            "evolved_generations": tuning.evolved,
+            "random_worlds": settings.robust,
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
             "candidates": sum(len(item.tried) for item in generations),

@@ -49,13 +49,14 @@ class TuningSettings(quantities.Parameters):
         blending: Whether the duration of the blend is tuned.
         per_side: Whether each leg has numbers of its own (hemiparesis).
         robust: Whether the table is also for other wearers, supports, belts, drives and grounds, like a
-            packaged table: the search is then :mod:`twin_gait.studies.tune.evolution` over random worlds of
-            ``draws.yaml``, and the robust set consists of other random worlds.
-        population: Number of candidates of a generation of the robust search.
-        draws: Number of random worlds in which the better half of a generation walks.
+            packaged table: the search then has slopes over random worlds of ``draws.yaml`` together, after
+            :mod:`twin_gait.studies.tune.evolution` if the table does not walk at first, and the robust set
+            consists of other random worlds.
+        population: Number of candidates of a generation before the table walks.
+        draws: Number of random worlds of the robust search.
         held_out: Number of random worlds of the robust set, in which no candidate walked during the search.
-        spread: Standard deviation of the first candidates of the robust search in the unit cube of all
-            numbers.
+        spread: Standard deviation of the first candidates in the unit cube of all numbers, before the table
+            walks.
         scatter: Standard deviation by which the start of the robust search is moved away at random, with the
             seed, to show that the search finds its table from elsewhere.
         also: Numbers of the experiment that the robust search changes together with the table: least value,
@@ -112,6 +113,7 @@ class Tuning:
         parameters: All numbers of the table that are searched.
         search_cases: Cases of the search by names, the nominal one first.
         generations: Generations of the search; the first is its start.
+        evolved: Number of generations of evolution, before the table walked.
         ranked: All finalists, the best first; ``initial`` is one of them.
         initial: Initial table, which is to be improved.
         elapsed: Duration of the tuning in [s].
@@ -146,6 +148,7 @@ class Tuning:
             with_candidate(self.experiment, self._table)  # reports an unknown key before anything is compiled
         self.parameters = (*table, *others)
         self.generations: list[Generation] = []
+        self.evolved = 0
         if settings.robust:
             self.search_cases = self._draw(settings.draws, 0)
             self._robust_cases = self._draw(settings.held_out, HELD_OUT)
@@ -178,8 +181,8 @@ class Tuning:
     def _report_stage(self, stage: str) -> float:
         """Report the next stage; return the elapsed minutes."""
         minutes, found = (time.perf_counter() - self._start_time) / 60.0, self.generations
-        # The worlds of a robust search differ between generations, so its costs are not a minimum so far.
-        words = "best candidate" if self.settings.robust else "best"
+        # The worlds of an evolution differ between generations, so its costs are not a minimum so far.
+        words = "best candidate" if found and len(found) <= self.evolved else "best"
         best = f", {words}: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
         self._report(f"{minutes:4.1f} min  {stage}{best}")
         return minutes
@@ -224,7 +227,7 @@ class Tuning:
             )
             while not walks_enough(ratings):
                 generation = self._evolve(search)
-                best = generation.point
+                best, self.evolved = generation.point, search.generation
                 (ratings,) = self._walk([self._table_at(best)], self.search_cases.values())
                 yield generation
         yield from self._descend(best, ratings, len(self.search_cases))
@@ -267,7 +270,7 @@ class Tuning:
         return Generation(descent.point, descent.cost, [table_performance(item) for item in ratings])
 
     def _evolve(self, search: Evolution) -> Generation:
-        """Walk one generation of the robust search; its cost is the one of its best candidate."""
+        """Walk one generation of evolution; its cost is the one of its best candidate."""
         first, *others = self._draw(self.settings.draws, search.generation + 1).values()
         points = search.candidates()
         tables = [self._table_at(point) for point in points]
