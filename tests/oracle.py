@@ -403,13 +403,15 @@ class Straps:
         self._force = support.share * model.total_mass * problem.experiment.plant.gravity
         # Attachments relative to the hips of an upright trunk, as complex numbers: forwards, upwards.
         self._ends = np.array([reach, -reach]) + 1j * support.height * patient.height
+        # The strap in front is longer by this, so that both have the same tension at the set lean.
+        self._longer = 2.0 * reach * np.sin(support.strap_lean)
 
     def torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Compute the torques of both straps on the coordinates, shape ``(nv,)``."""
         ends = self._ends * np.exp(-1j * q[self._pitch])
         speeds = v[self._height] - ends.real * v[self._pitch]
         force = self._force - self._support.damping * speeds.mean()
-        stretched = np.diff(ends.imag)[0] * self._support.strap_stiffness
+        stretched = (np.diff(ends.imag)[0] - self._longer) * self._support.strap_stiffness
         stretched += np.diff(speeds)[0] * self._support.strap_damping
         front = np.clip(0.5 * (force + stretched), 0.0, force)
         pulls, found = np.array([front, force - front]), np.zeros(len(q))

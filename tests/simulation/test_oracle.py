@@ -36,6 +36,7 @@ CASES = {
         0.25,
         150,
         "scenario.support={pitch: soft, strap_lever_m: 0.04, strap_stiffness_N_per_m: 1e5}",
+        "scenario.support.strap_lean_deg=2",
         "scenario.lean_deg=4",
     ),
     "overground, crutches that are lifted": (

@@ -26,17 +26,17 @@ FORCE, HEIGHT, LEVER, STIFFNESS = 500.0, 0.4, 0.1, 10e3
 SLACK = math.asin(FORCE / (2.0 * STIFFNESS * LEVER))  # pitch at which a strap becomes slack
 
 
-def moment_of(pitch, rate=0.0, *, lever=LEVER, damping=0.0):
+def moment_of(pitch, rate=0.0, *, lever=LEVER, damping=0.0, lean=0.0):
     """Return the moment of rope and straps about the hips."""
     harness = Harness(HEIGHT, FORCE, 0.0, pull=FORCE, lever=lever, strap_stiffness=STIFFNESS)
-    harness.strap_damping = damping
+    harness.strap_damping, harness.strap_sine = damping, math.sin(lean)
     sine, cosine = math.sin(pitch), math.cos(pitch)
     return -FORCE * HEIGHT * sine + strap_moment(harness, sine, cosine, rate)
 
 
-def potential(pitch):
+def potential(pitch, lean=0.0):
     """Return the energy of the two straps under a constant force, from the lengths of the straps."""
-    ends = HEIGHT * math.cos(pitch) + np.array([-1.0, 1.0]) * LEVER * math.sin(pitch)
+    ends = HEIGHT * math.cos(pitch) + np.array([-1.0, 1.0]) * LEVER * (math.sin(pitch) - math.sin(lean))
     # Height of the bar at which the tensions add up to the force, with two taut straps or one.
     bar = min(ends.mean() + 0.5 * FORCE / STIFFNESS, ends.min() + FORCE / STIFFNESS)
     stretch = np.maximum(bar - ends, 0.0)
@@ -46,9 +46,10 @@ def potential(pitch):
 
 def test_moment_is_the_derivative_of_the_potential():
     assert 0.2 < SLACK < 0.3
-    for pitch in (-1.0, -0.9 * SLACK, -0.05, 0.0, 0.1, 0.95 * SLACK, 1.1 * SLACK, 0.7):
-        slope = (potential(pitch + 1e-5) - potential(pitch - 1e-5)) / 2e-5
-        assert moment_of(pitch) == pytest.approx(-slope, abs=1e-5)
+    for lean in (0.0, 0.08, -0.1):
+        for pitch in (-1.0, -0.9 * SLACK, -0.05, 0.0, 0.1, 0.95 * SLACK, 1.1 * SLACK, 0.7):
+            slope = (potential(pitch + 1e-5, lean) - potential(pitch - 1e-5, lean)) / 2e-5
+            assert moment_of(pitch, lean=lean) == pytest.approx(-slope, abs=1e-5)
 
 
 def test_a_strap_that_is_slack_leaves_the_force_at_the_lever():
@@ -85,7 +86,7 @@ def walk_of(*changes: str):
 
 @pytest.fixture(scope="module")
 def walk():
-    return walk_of("scenario.lean_deg=2")
+    return walk_of("scenario.lean_deg=2", "scenario.support.strap_lean_deg=3")
 
 
 def harness_moment(run, prefix: str = "") -> np.ndarray:
@@ -97,7 +98,7 @@ def harness_moment(run, prefix: str = "") -> np.ndarray:
     force = force - support.damping * (log[f"{prefix}pelvis_velocity_m_per_s"] - above * np.sin(pitch) * rate)
     np.testing.assert_allclose(log["support_force_N"], force, rtol=1e-9)
     lever = support.strap_lever
-    lower = lever * np.sin(pitch)  # of the attachment in front
+    lower = lever * (np.sin(pitch) - math.sin(support.strap_lean))  # of the attachment in front
     sinking = lever * np.cos(pitch) * rate
     front = 0.5 * force + support.strap_stiffness * lower + support.strap_damping * sinking
     front = np.clip(front, 0.0, force)

@@ -161,12 +161,13 @@ class Harness:
 
     The rope may carry a level bar with two vertical straps, in front of and behind the trunk. They are fixed
     at :math:`(\pm a, h)` in the axes of the trunk, relative to the hips. Each has the stiffness k and the
-    damping b, carries half of the force F of the rope while the trunk is upright, and only pulls. With the
-    pitch θ the attachments differ in height by :math:`2 a \sin\theta`, and the tensions by
+    damping b and only pulls. Their lengths are set so that each carries half of the force F of the rope at
+    the pitch θ₀. With the pitch θ the attachments differ in height by :math:`2 a \sin\theta`, and the
+    tensions by
 
     .. math::
 
-        D = \max(-F, \min(F, 2 a\,(k \sin\theta + b\,\dot\theta \cos\theta)))
+        D = \max(-F, \min(F, 2 a\,[k (\sin\theta - \sin\theta_0) + b\,\dot\theta \cos\theta]))
 
     At :math:`|D| = F` one strap is slack. Rope and straps have the pitching moment
 
@@ -175,9 +176,9 @@ class Harness:
         M = -F h \sin\theta - D a \cos\theta
 
     about the hips. For a constant F and b = 0 it is the negative derivative of the potential
-    :math:`-F h \cos\theta + W`, where :math:`W = k a^2 \sin^2\theta` while both straps are
-    taut, and :math:`W = F a |\sin\theta| - F^2 / 4 k` otherwise. The rope moves with the mean height of the
-    attachments; the common stretch of the straps is neglected.
+    :math:`-F h \cos\theta + W`, where :math:`W = k a^2 (\sin\theta - \sin\theta_0)^2` while both straps
+    are taut, and :math:`W = F a |\sin\theta - \sin\theta_0| - F^2 / 4 k` otherwise. The rope moves with the
+    mean height of the attachments; the common stretch of the straps is neglected.
     """
 
     height: float  # Height of the attachment above the hips, along the trunk, in [m].
@@ -188,6 +189,7 @@ class Harness:
     lever: float = 0.0  # Distance a of each strap from the axis of the trunk in [m]; 0 without straps.
     strap_stiffness: float = 0.0  # Stiffness k of a strap in [N/m].
     strap_damping: float = 0.0  # Damping b of a strap in [N·s/m].
+    strap_sine: float = 0.0  # Sine of the pitch θ₀ at which both straps have the same tension.
 
 
 @dataclass(slots=True)
@@ -228,7 +230,7 @@ def strap_moment(harness: Harness, sine: float, cosine: float, rate: float) -> f
 
     ``sine`` and ``cosine`` of the pitch; ``rate``: its rate in [rad/s].
     """
-    stretch, limit = harness.lever * sine, max(harness.pull, 0.0)
+    stretch, limit = harness.lever * (sine - harness.strap_sine), max(harness.pull, 0.0)
     speed = harness.lever * cosine * rate
     apart = 2.0 * (harness.strap_stiffness * stretch + harness.strap_damping * speed)
     return -harness.lever * cosine * max(-limit, min(limit, apart))

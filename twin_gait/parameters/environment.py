@@ -141,6 +141,7 @@ class AnkleParameters(quantities.Parameters):
 ATTACHMENTS = quantities.Range(0.0, 0.4, reason="the shoulders are at 0.288")
 LEVERS = quantities.Range(0.0, 0.3, reason="a bar of 0.6 m")
 STRAP_DAMPINGS = quantities.Range(0.0, 1e4, reason="critical in the default straps has 4000")
+STRAP_LEANS = quantities.Range(-0.5, 0.5, reason="a difference of 0.1 m between straps 0.2 m apart")
 STRAPS = quantities.Range(0.0, 1e6, reason="a metre of polyester webbing has 1e5 N/m")
 
 
@@ -166,13 +167,15 @@ class SupportParameters(quantities.Parameters):
             assumption).
         height: Height of the attachments of rope or straps above the hips, along the trunk, divided by the
             height of the wearer (an assumption). It is used only if the pelvis pitches, as are the next
-            three.
+            four.
         strap_lever: Distance in [m] of each strap from the axis of the trunk (an assumption: half the depth
             of a chest).
         strap_stiffness: Stiffness in [N/m] of each strap (an assumption: as the cuffs of the braces, because
             vest and tissue give more than the webbing).
         strap_damping: Damping in [N·s/m] of each strap (an assumption: a loss factor of 0.2 at a step per
             second).
+        strap_lean: Pitch in [rad] at which both straps have the same tension, forwards positive. The
+            therapist sets it by the lengths of the straps (an assumption: upright).
         lock_stiffness: Stiffness of the locked harness in [N/m]; 0 for one that does not lock. About a
             metre of rope that stretches by 5 % under 100 kg, the maximum that EN 1891 allows for a
             low-stretch rope.
@@ -189,6 +192,7 @@ class SupportParameters(quantities.Parameters):
     strap_lever: Annotated[quantities.Length, LEVERS] = 0.1
     strap_stiffness: Annotated[quantities.LinearStiffness, STRAPS] = 10.0e3
     strap_damping: Annotated[quantities.LinearDamping, STRAP_DAMPINGS] = 300.0
+    strap_lean: Annotated[quantities.Angle, STRAP_LEANS] = 0.0
     lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
     lock_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
@@ -204,6 +208,11 @@ class SupportParameters(quantities.Parameters):
     def pelvis(self) -> PelvisGuide:
         """Guide of the pelvis, with its pitch."""
         return self.guide if self.pitch is PelvisPitch.LOCKED else PelvisGuide.STRAPS
+
+    @property
+    def strap_sine(self) -> float:
+        """Sine of the pitch at which both straps have the same tension."""
+        return math.sin(self.strap_lean)
 
     @property
     def lever(self) -> float:
