@@ -48,7 +48,10 @@ NOT_HERE = (
     "--scheduler",
 )
 # Blocks that identify, sweep, or simulate a day.
-LONG = {"identification-0", "modes-1", "faults-0", "network-0", "robustness_map-0"}
+LONG = {
+    *("identification-0", "modes-1", "faults-0", "network-0", "robustness_map-0"),
+    *("running-2", "learning-0", "train_a_controller-0", "blending-0", "firmware-2"),
+}
 # For blocks that show what is inside of a class.
 HEADER = """from __future__ import annotations
 from dataclasses import dataclass

@@ -86,6 +86,7 @@ def test_after_the_end_a_restart_is_predicted_and_a_manual_step_is_awaited(panel
     assert not by_hand.bad and by_hand.text.startswith("does not fall")
 
 
+@pytest.mark.slow  # a loop of its own
 def test_a_sitting_wearer_without_a_walk_command_does_not_fall():
     panel = ControlPanel(load_experiment("stand_to_sit").experiment)
     walking, ahead = SteppedRun(panel.simulation_setup), SteppedRun(panel.simulation_setup)

@@ -308,7 +308,9 @@ def test_assistance_of_a_walk_follows_from_the_errors_in_its_log():
     "mode",
     # A share of the springs is a part of assistance as needed, and its own loop.
     [
-        pytest.param(mode, marks=[pytest.mark.slow] if mode in ("position", "twincare") else [])
+        pytest.param(
+            mode, marks=[pytest.mark.slow] if mode in ("position", "twincare", "assist_as_needed") else []
+        )
         for mode in MODES
     ],
 )

@@ -147,6 +147,7 @@ def test_integrated_under_that_force_it_stays_with_the_guided_one():
 HELD = ("scenario.harness={share: 0.3, damping_Ns_per_m: 90}",)
 
 
+@pytest.mark.slow  # a loop of its own
 def test_energy_closes_with_arms_and_harness():
     log = walk("overground", "duration_s=0.9", "scenario.lean_deg=30", *HELD).log
     energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()

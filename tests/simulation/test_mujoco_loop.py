@@ -18,6 +18,7 @@ from mujoco_kernel import MujocoKernel  # needs MuJoCo
 EULER, RK4 = "integration.method=semi_implicit_euler", "integration.method=rk4"
 # Cases whose loop no other test compiles, and that repeat the proof of a shorter one.
 SLOW = {
+    "hip exoskeleton, knees moved by the wearer",
     "bench leg, inertia compensation",
     "treadmill, Euler",
     "treadmill, harness",

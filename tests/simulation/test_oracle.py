@@ -21,8 +21,15 @@ FOREFEET = (
     "scenario.contact.forefoot_stiffness_N_per_m1p5=6e5",
     "scenario.contact.forefoot_dissipation_s_per_m=0.8",
 )
-# Cases that repeat the proof of another one with the other integrator, or of the same device.
-SLOW = {"treadmill, Euler", "bench leg, Euler", "prosthesis of one leg", "aligned prosthesis of one leg"}
+# Cases that repeat the proof of another one with the other integrator, of the same device or world.
+SLOW = {
+    "treadmill, Euler",
+    "bench leg, Euler",
+    "overground, four-point gait with rods",
+    "hip exoskeleton, knees moved by the wearer",
+    "prosthesis of one leg",
+    "aligned prosthesis of one leg",
+}
 CASES = {
     "bench leg, Euler": ("bench_leg", EULER, 1.0, 2000),
     "bench leg, RK4": ("bench_leg", RK4, 1.0, 2000),

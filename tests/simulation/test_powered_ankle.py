@@ -130,6 +130,7 @@ def test_the_reference_engine_agrees_with_the_compiled_one(settings):
     assert_near(compiled.run(), ReferenceEngine(laid_out).run(), 1e-7)
 
 
+@pytest.mark.slow  # a loop of its own
 def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
     pytest.importorskip("mujoco")
     from mujoco_kernel import MujocoKernel  # needs MuJoCo

@@ -230,6 +230,7 @@ def steps_by(pitch: np.ndarray, start: int, draw: np.random.Generator) -> tuple[
     return False, beyond >= 200
 
 
+@pytest.mark.slow  # many walks of many seconds
 @pytest.mark.parametrize("seeds", [pytest.param(SAMPLE, id="sample"), every])
 def test_no_lean_makes_a_step_below_the_threshold_or_before_the_hold_time(seeds):
     """Accelerations of the hips, noise and biases put the measured pitch off by less than a degree."""
