@@ -41,9 +41,9 @@ series = np.column_stack([velocity, friction + random.normal(0.0, 0.3, n_rows)])
 names = "velocity [rad/s],friction_torque [Nm]"
 np.savetxt(work / "series.csv", series, "%.6f", ",", header=names, comments="")
 commands = {
-    "simulate": "simulate treadmill --force --out run",
-    "simulate --no-pictures": "simulate treadmill --no-pictures --force --out bare",
-    "check treadmill": "check treadmill",
+    "simulate": "simulate treadmill_guided --force --out run",
+    "simulate --no-pictures": "simulate treadmill_guided --no-pictures --force --out bare",
+    "check treadmill_guided": "check treadmill_guided",
     "presets": "presets",
     f"identify, {n_rows:,} rows": "identify series.csv --force --out fit",
 }
@@ -57,7 +57,7 @@ commands = {
 RECORD = """
 import sys
 from twin_gait.cli import main
-main("simulate treadmill --force --out run".split())
+main("simulate treadmill_guided --force --out run".split())
 with open(sys.argv[1], "w") as file:
     print(*(name for name in sys.modules if name != "__main__"), file=file)
 """

@@ -54,7 +54,7 @@ def vector_steps(envs: gymnasium.vector.VectorEnv) -> Callable[[int], int]:
 
 def tick_steps() -> Callable[[int], int]:
     """Return a function that runs the ticks of the vector environment, without actions and rewards."""
-    setup = build_setup(load_experiment("treadmill", ["duration_s=3600"]).experiment)
+    setup = build_setup(load_experiment("treadmill_guided", ["duration_s=3600"]).experiment)
     engines = [CompiledEngine(setup) for _ in range(ENVIRONMENTS)]
     for engine in engines:
         engine.episode["recording"]["on"] = False

@@ -27,7 +27,7 @@ BUSES = {
 
 
 def walk(bus: str) -> Experiment:
-    return load_experiment("treadmill", [f"network={bus}", "duration_s=2"]).experiment
+    return load_experiment("treadmill_guided", [f"network={bus}", "duration_s=2"]).experiment
 
 
 def time_of(problem: SimulationSetup, *, record: bool) -> float:

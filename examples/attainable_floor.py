@@ -30,11 +30,11 @@ from twin_gait.report.canvas import put_legend, save, style_panel
 
 # %% [markdown]
 # ## Goals
-# The goals of the default walk, one by one, together, and more ambitious ones; forces in carried weights.
+# The goals of the guided walk, one by one, together, and more ambitious ones; forces in carried weights.
 
 # %%
 GUIDES = ("vertical", "harness")
-TABLES = ("treadmill", "treadmill_pre_swing")
+TABLES = ("treadmill_guided", "treadmill_pre_swing")
 GOALS = Goals(1.2, 0.7, 0.4, 5.0, 9.0, 3.0, 10.0)
 AMBITIOUS = Goals(1.1, 0.8, 0.4, 0.0, 4.0, 7.0, 15.0)
 Rows = list[tuple[dict[str, Any], Run]]  # measures of walks, with their runs
@@ -127,7 +127,7 @@ def cycles_of(run: Run, column: str) -> np.ndarray:
 # %%
 def search_of(settings: Sequence[str], intervals: int, stride: float | None = None) -> Search:
     all_settings = [*settings, "engine=pinocchio", "control.safety.enabled=false"]
-    return Search(load_experiment("treadmill", all_settings).experiment, intervals, stride)
+    return Search(load_experiment("treadmill_guided", all_settings).experiment, intervals, stride)
 
 
 def row_of(walk: Walk, name: str) -> tuple[dict[str, Any], Run]:
@@ -263,7 +263,9 @@ def simulated_tables(quick: bool) -> list[tuple[str, dict[str, Any], Run]]:
     found = []
     for guide in GUIDES[1:] if quick else GUIDES:
         for name in TABLES:
-            run = simulate(load_experiment("treadmill", settings_of(guide, f"table={name}")).experiment)
+            run = simulate(
+                load_experiment("treadmill_guided", settings_of(guide, f"table={name}")).experiment
+            )
             found.append((f"{name}, {guide}", numbers_of(run), run))
     return found
 

@@ -1,6 +1,6 @@
-"""Account of the battery power of the default walk, and the changes that save most.
+"""Account of the battery power of the guided walk, and the changes that save most.
 
-Every loss and every work of the default walk, which add up to the battery power; the same walk with other
+Every loss and every work of the guided walk, which add up to the battery power; the same walk with other
 electronics, gears, motors and tables; the share of walking with which the battery lasts the 4 h of table 2.1
 of the thesis. Ten seconds on two cores; page: docs/background/default_walk.md.
 """
@@ -105,7 +105,7 @@ def each_phase(experiment: Experiment, key: str, ratio: float) -> dict[str, floa
 
 
 def what_if(experiment: Experiment) -> dict[str, dict[str, float]]:
-    """Return the changes of the default walk by label."""
+    """Return the changes of the guided walk by label."""
     electronics, actuator = "plant.electronics.", "plant.actuators.{}.".format
     resistances = {joint: experiment.plant.actuators[joint].resistance for joint in JOINTS}
     halved = {f"{actuator(joint)}resistance_Ohm": 0.5 * value for joint, value in resistances.items()}
@@ -120,7 +120,7 @@ def what_if(experiment: Experiment) -> dict[str, dict[str, float]]:
         **gears[0.95],
     }
     return {
-        "default walk": {},
+        "guided walk": {},
         "no regeneration": {f"{electronics}regeneration": 0.0},
         "regeneration without loss": {f"{electronics}regeneration": 1.0},
         "inverter resistance doubled": {f"{electronics}inverter_resistance_Ohm": 0.04},
@@ -156,7 +156,7 @@ def measured(run: Run) -> dict[str, object]:
 
 # %%
 def draw(default: dict, walks: dict[str, dict], goal: float) -> Figure:
-    """Draw the account of the default walk, and the battery power after each change."""
+    """Draw the account of the guided walk, and the battery power after each change."""
     figure = Figure(figsize=(12.0, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     start = 0.0
@@ -171,7 +171,7 @@ def draw(default: dict, walks: dict[str, dict], goal: float) -> Figure:
     left.invert_yaxis()
     left.axvline(start, color=GREY, linewidth=0.8)
     left.set_xlim(0.0, 1.15 * start)
-    style_panel(left, f"Account of the default walk: {default['battery_W']:.1f} W", "")
+    style_panel(left, f"Account of the guided walk: {default['battery_W']:.1f} W", "")
     left.set_xlabel("mean power [W]")
     labels = list(walks)
     powers = [walk["battery_W"] for walk in walks.values()]
@@ -197,14 +197,14 @@ def draw(default: dict, walks: dict[str, dict], goal: float) -> Figure:
 # %%
 if __name__ == "__main__":
     form = read_options("battery_account")
-    base = load_experiment("treadmill", [f"duration_s={6 if form.quick else 20}"]).experiment
+    base = load_experiment("treadmill_guided", [f"duration_s={6 if form.quick else 20}"]).experiment
     changes = what_if(base)
     if form.quick:
-        changes = {label: changes[label] for label in ("default walk", "no regeneration")}
+        changes = {label: changes[label] for label in ("guided walk", "no regeneration")}
     experiments = [override_experiment(base, change) for change in changes.values()]
     results = run_episodes(lambda item: item, measured, experiments)
     walks = dict(zip(changes, results, strict=True))
-    default = walks["default walk"]
+    default = walks["guided walk"]
     goal = base.plant.battery.energy / 3600.0 / THESIS_HOURS
     save(draw(default, walks, goal), form.out / "battery_account.png", resolution=100)
     standby = default["account"]["computers, sensors, radio"] + default["account"]["inverters, constant"]

@@ -1,6 +1,6 @@
 """Blending: how smoothly do stiffness, damping and equilibrium change from phase to phase?
 
-The default walk with parameters that change in a step, linearly, or along the minimum-jerk polynomial, for
+The guided walk with parameters that change in a step, linearly, or along the minimum-jerk polynomial, for
 several durations: jumps of the command torque, jerk, energy added to the virtual springs, tracking error, and
 the number of 16 wearers, speeds and supports that walk with each law. The walks take ten seconds, the
 robustness a minute on one core; page: docs/background/blending.md.
@@ -37,7 +37,7 @@ NONE, LINEAR, MINIMUM_JERK = (
 )
 BLENDS: tuple[Blend, ...] = ((NONE, 0), *itertools.product((LINEAR, MINIMUM_JERK), (25, 60, 140)))
 JOINTS = (JointName.HIP, JointName.KNEE)
-# Variations of the default walk: the grid of the robustness map, of which every twentieth point is used.
+# Variations of the guided walk: the grid of the robustness map, of which every twentieth point is used.
 VARIED = {
     "patient.mass_kg": (55.0, 65.0, 75.0, 85.0, 95.0),
     "patient.height_m": (1.60, 1.70, 1.80, 1.90),
@@ -51,7 +51,7 @@ def settings_of(blend: Blend) -> dict[str, Any]:
     return {"table.blending.law": law, "table.blending.duration_ms": duration}
 
 
-def walk(blend: Blend, duration: float, preset: str = "treadmill") -> Run:
+def walk(blend: Blend, duration: float, preset: str = "treadmill_guided") -> Run:
     """Simulate a preset with one blending, and all other settings equal."""
     settings = {"duration_s": duration, **settings_of(blend)}
     return simulate(load_experiment(preset, [f"{key}={value}" for key, value in settings.items()]).experiment)
@@ -278,7 +278,7 @@ def overshoot() -> dict[str, float]:
     It is −Δk Δθ0 / 4 in the middle of the blend from middle to late stance, at any angle, because the torque
     is a product of k and θ0.
     """
-    phases = load_experiment("treadmill").experiment.table.phases
+    phases = load_experiment("treadmill_guided").experiment.table.phases
     old, new = (phases[name].joints[JointName.KNEE] for name in ("middle_stance", "late_stance"))
     change = (new.stiffness - old.stiffness) * (new.equilibrium_angle - old.equilibrium_angle)
     return {
@@ -298,7 +298,7 @@ def overshoot() -> dict[str, float]:
 # %%
 def robustness(blends: Sequence[Blend], points: Sequence[dict[str, float]], workers: int) -> pd.DataFrame:
     """Count the outcomes over the points of a grid, with one row per blending."""
-    base = load_experiment("treadmill").experiment
+    base = load_experiment("treadmill_guided").experiment
     overrides = [{**settings_of(blend), **point} for blend in blends for point in points]
     outcomes = simulate_batch(base, overrides, workers=workers)["outcome"].to_numpy()
     counted = [Counter(part) for part in np.split(outcomes, len(blends))]
@@ -325,7 +325,7 @@ if __name__ == "__main__":
     points = [dict(zip(VARIED, values, strict=True)) for values in itertools.product(*VARIED.values())]
     points = points[:: 160 if form.quick else 20]
     mapped = robustness(blends, points, form.workers)
-    shipped = load_experiment("treadmill").experiment.table.blending
+    shipped = load_experiment("treadmill_guided").experiment.table.blending
     mine = (str(shipped.law), shipped.duration_ticks)
     form.write_results(
         {

@@ -29,7 +29,7 @@ def with_shifted_equilibrium(table: GaitTable, phase: str, joint: str, degrees: 
 # The same walk with the shipped table and with 5° more in swing flexion.
 
 # %%
-experiment = load_experiment("treadmill", [f"duration_s={4.5 if form.quick else 7.0}"]).experiment
+experiment = load_experiment("treadmill_guided", [f"duration_s={4.5 if form.quick else 7.0}"]).experiment
 rows = []
 for degrees in (0.0, 5.0):
     table = with_shifted_equilibrium(experiment.table, GaitPhase.SWING_FLEXION, "knee", degrees)

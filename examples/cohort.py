@@ -16,7 +16,7 @@ from gallery import read_options
 from twin_gait import load_experiment, simulate_batch
 from twin_gait.studies.workers import Workers
 
-TABLES = ("treadmill",)
+TABLES = ("treadmill_guided",)
 COHORT, SEEDS = 200, (11, 2027)
 
 
@@ -26,7 +26,7 @@ def walk_all(count: int, duration: float, workers: Workers) -> tuple[list[dict],
     rows, others = [], []
     for table in TABLES:
         settings = [f"table={table}", f"scenario.support.share={SUPPORT}", f"duration_s={duration}"]
-        base = load_experiment("treadmill", settings).experiment
+        base = load_experiment("treadmill_guided", settings).experiment
         for seed in SEEDS:
             people = walkers(count, seed)
             walks = simulate_batch(base, people, workers=workers)

@@ -40,7 +40,9 @@ AFFECTED = "left"
 # %%
 runs = {
     name: simulate(
-        load_experiment("treadmill", ["patient=stroke_left", f"duration_s={DURATION}", *settings]).experiment
+        load_experiment(
+            "treadmill_guided", ["patient=stroke_left", f"duration_s={DURATION}", *settings]
+        ).experiment
     )
     for name, settings in CONTROLLERS.items()
 }

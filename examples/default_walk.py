@@ -20,15 +20,16 @@ from twin_gait import Experiment, Run, load_experiment, presets, simulate, summa
 from twin_gait.studies.batch import override_experiment, run_episodes
 from twin_gait.studies.workers import Workers
 
-# Presets, or other tables on the default treadmill.
-WALKS = ("treadmill", "treadmill_pre_swing", "treadmill_straps")
+# Presets, or other tables in the world of the guided walk.
+DEFAULT, GUIDED = "treadmill", "treadmill_guided"
+WALKS = (DEFAULT, GUIDED, "treadmill_pre_swing")
 DURATION = 20.0  # [s]
 # Ranges of the combined draws: mass [kg], height [m], supported share, belt speed [km/h].
 KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
 LOWEST, HIGHEST = (50.0, 1.50, 0.2, 0.8), (110.0, 1.95, 0.8, 1.9)
 DRAWS, SEED = 75, 19
 GEARS = (1.0, 0.9, 0.85, 0.7)  # efficiencies
-# Wearers, supports and ways to hold the trunk of the map of harnesses, on the walk in straps.
+# Wearers, supports and ways to hold the trunk of the map of harnesses, on the default walk.
 WEARERS = [(mass, height) for mass in (55.0, 75.0, 95.0) for height in (1.60, 1.75, 1.90)]
 SUPPORTS = (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 LEVER = "scenario.support.strap_lever_m"
@@ -48,7 +49,7 @@ NO_ELECTRONICS = {
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of a measure of the default walk: from ``low`` to ``high``, and better from ``best`` on."""
+    """Goal of a measure of a walk: from ``low`` to ``high``, and better from ``best`` on."""
 
     label: str
     key: str
@@ -125,7 +126,7 @@ def measured(run: Run) -> dict[str, float | str]:
 def walk_of(item: tuple[str, Mapping[str, object]]) -> Experiment:
     """Return the experiment of a preset or a table, with some changes."""
     name, changes = item
-    preset, table = (name, []) if name in presets() else ("treadmill", [f"table={name}"])
+    preset, table = (name, []) if name in presets() else (GUIDED, [f"table={name}"])
     settings = [*table, f"duration_s={DURATION}"]
     return override_experiment(load_experiment(preset, settings).experiment, changes)
 
@@ -138,7 +139,7 @@ def draws(count: int) -> list[dict[str, float]]:
 
 def moves() -> dict[str, dict[str, float]]:
     """Return changes of the defaults: support by ten percentage points, mass by a tenth."""
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment(DEFAULT).experiment
     share, mass = experiment.scenario.support.share, experiment.patient.mass
     return {
         "10 points less support": {"scenario.support.share": share - 0.1},
@@ -149,7 +150,7 @@ def moves() -> dict[str, dict[str, float]]:
 
 
 def harness_walks() -> dict[tuple[float, str], list[dict[str, object]]]:
-    """Return the changes of the walk in straps for each support and harness, by wearer."""
+    """Return the changes of the default walk for each support and harness, by wearer."""
     return {
         (share, name): [
             {KEYS[0]: mass, KEYS[1]: height, KEYS[2]: share, **harness} for mass, height in WEARERS
@@ -177,9 +178,9 @@ def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) 
     return float(speeds[low]), float(speeds[high])
 
 
-def worked(changes: dict[str, float]) -> dict[str, float]:
-    """Return the effort of the motors in the default walk with some changes, as maxima or means."""
-    run = simulate(walk_of(("treadmill", changes)))
+def worked(name: str, changes: Mapping[str, object]) -> dict[str, float]:
+    """Return the effort of the motors in a walk with some changes, as maxima or means."""
+    run = simulate(walk_of((name, changes)))
     summary = summarise_run(run)
     sides = list(summary["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
@@ -201,10 +202,11 @@ def worked(changes: dict[str, float]) -> dict[str, float]:
 
 
 def gear_rows() -> list[dict[str, str]]:
-    """Simulate the default walk with gears of different efficiency and return a row for each."""
+    """Simulate the guided walk with gears of different efficiency and return a row for each."""
     rows = []
     for efficiency in GEARS:
-        found = worked({f"plant.actuators.{joint}.gear_efficiency": efficiency for joint in ("hip", "knee")})
+        gears = {f"plant.actuators.{joint}.gear_efficiency": efficiency for joint in ("hip", "knee")}
+        found = worked(GUIDED, gears)
         rows.append(
             {
                 "η": f"{efficiency:g}",
@@ -254,8 +256,8 @@ if __name__ == "__main__":
     count, speeds = (
         (DRAWS, np.round(np.arange(0.5, 3.01, 0.1), 1)) if not form.quick else (2, np.array([1.5]))
     )
-    # The quick form leaves out the walk in braces, whose loop takes a minute to compile.
-    names = WALKS if not form.quick else WALKS[:-1]
+    # The quick form leaves out the default walk, because the loop for its braces takes a minute to compile.
+    names = WALKS if not form.quick else WALKS[1:]
     jobs: dict[tuple[str, str], dict[str, float]] = {}
     for name in names:
         jobs[name, "nominal"] = {}
@@ -269,7 +271,7 @@ if __name__ == "__main__":
         outcomes = run_episodes(
             walk_of,
             outcome,
-            [("treadmill_straps", item) for cell in held.values() for item in cell],
+            [(DEFAULT, item) for cell in held.values() for item in cell],
             workers=workers,
         )
     walks = dict(zip(jobs, results, strict=True))
@@ -296,8 +298,8 @@ if __name__ == "__main__":
             "moved": moved_rows(walks, nominal),
             "draws": count,
             "nominal": nominal,
-            "worked": worked({}),
+            "worked": {name: worked(name, {}) for name in names},
             "gears": gear_rows(),
-            "without_electronics": worked(NO_ELECTRONICS),
+            "without_electronics": worked(GUIDED, NO_ELECTRONICS),
         }
     )

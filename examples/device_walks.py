@@ -1,8 +1,8 @@
 """For which wearers do the shipped devices walk that drive only some joints, and how do their joints move?
 
 Fifty random wearers walk 20 s with each device and an own gait, with the prostheses also after one change of
-the published table. For each driven joint, the default walk gives angle, moment and power by phase beside
-healthy walking. Five minutes; page: docs/background/device_walks.md.
+the published table. For each driven joint, the walk of the preset gives angle, moment and power by phase
+beside healthy walking. Five minutes; page: docs/background/device_walks.md.
 """
 
 # %%

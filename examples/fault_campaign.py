@@ -1,4 +1,4 @@
-"""A thousand seeded faults on the default walk: outcomes, detection times, and invariants of all runs.
+"""A thousand seeded faults on the guided walk: outcomes, detection times, and invariants of all runs.
 
 Faults of encoders, motors, controller, load sensors and supply vary in kind, joint, time and magnitude; every
 log is checked against the bounds of the safety monitor, independently of the code of the monitor. Three
@@ -45,14 +45,18 @@ def count_invariants(table: pd.DataFrame) -> dict:
 # %%
 if __name__ == "__main__":
     form = read_options("fault_campaign")
-    experiment = load_experiment("treadmill", [f"duration_s={3.0 if form.quick else DURATION}"]).experiment
+    experiment = load_experiment(
+        "treadmill_guided", [f"duration_s={3.0 if form.quick else DURATION}"]
+    ).experiment
     faults = draw_faults(experiment, 10 if form.quick else RUNS, SEED)
     table = simulate_faults(experiment, faults, row=audited_row, workers=form.workers)
     outcomes = outcome_table(table)
     print(outcomes.to_string(index=False))
     table.to_csv(form.out / "faults.csv", index=False, lineterminator="\n", float_format="%.6g")
 
-    example = load_experiment("treadmill", [f"duration_s={DURATION}", f"faults=['{EXAMPLE}']"]).experiment
+    example = load_experiment(
+        "treadmill_guided", [f"duration_s={DURATION}", f"faults=['{EXAMPLE}']"]
+    ).experiment
     save(draw_campaign(table, simulate(example)), form.out / "faults.png")
     safety, limits = experiment.control.safety, experiment.control.limits
     form.write_results(

@@ -7,7 +7,7 @@ docs/reference/firmware.md.
 """
 
 # %% [markdown]
-# `twin-gait firmware treadmill --verify` does this for one table.
+# `twin-gait firmware treadmill_guided --verify` does this for one table.
 
 # %%
 import subprocess
@@ -25,8 +25,8 @@ from twin_gait import load_experiment
 from twin_gait.firmware.verification import verify
 
 TABLES = {
-    "treadmill": ("treadmill",),
-    "treadmill_pre_swing": ("treadmill", "table=treadmill_pre_swing"),
+    "treadmill_guided": ("treadmill_guided",),
+    "treadmill_pre_swing": ("treadmill_guided", "table=treadmill_pre_swing"),
     "treadmill_40": ("treadmill_40",),
     "treadmill_ankle": ("treadmill_ankle",),
     "treadmill_start_stop": ("treadmill_start_stop",),
@@ -91,7 +91,9 @@ if __name__ == "__main__":
     if form.quick:
         constants = constants_of("bench_leg", ("joint_board",), step=50)
     else:
-        constants = constants_of("treadmill", ("joint_board", "gait_controller", "exoskeleton", "can_codec"))
+        constants = constants_of(
+            "treadmill_guided", ("joint_board", "gait_controller", "exoskeleton", "can_codec")
+        )
     print(pd.DataFrame(rows).T.to_string(header=False))
     form.write_results(
         {

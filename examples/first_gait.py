@@ -1,4 +1,4 @@
-"""First gait: load the default walk, simulate it, and look at one stride. Some seconds."""
+"""First gait: load the guided walk, simulate it, and look at one stride. Some seconds."""
 
 # %%
 import numpy as np
@@ -13,7 +13,7 @@ form = read_options("first_gait")
 # An experiment is one immutable value; `simulate` returns a run whose log has one row per tick of 1 ms.
 
 # %%
-run = simulate(load_experiment("treadmill", [f"duration_s={6.5 if form.quick else 8.0}"]).experiment)
+run = simulate(load_experiment("treadmill_guided", [f"duration_s={6.5 if form.quick else 8.0}"]).experiment)
 print(run)
 for switch in run.switches[:6]:
     print(f"  {switch.time:6.3f} s  {switch.side:5}  {switch.source} -> {switch.target} ({switch.cause})")

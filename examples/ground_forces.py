@@ -1,4 +1,4 @@
-"""Ground forces: forces of the default walk on the belt, their change with the support and with the foot.
+"""Ground forces: forces of the guided walk on the belt, their change with the support and with the foot.
 
 Vertical and fore-aft force over the stride, in units of the carried weight; the figure compares the default
 walk with normative curves. Is the walk still a walk if less weight is carried, and if the feet are harder or
@@ -19,14 +19,14 @@ SUPPORTS = (0.4, 0.6) if form.quick else (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 
 
 def walk(*settings: str) -> Run:
-    """Simulate the default walk with some settings."""
+    """Simulate the guided walk with some settings."""
     duration = f"duration_s={8 if form.quick else 20}"
-    return simulate(load_experiment("treadmill", [*settings, duration]).experiment)
+    return simulate(load_experiment("treadmill_guided", [*settings, duration]).experiment)
 
 
 # %% [markdown]
 # ## Over the stride
-# Force of each foot from heel strike to heel strike in the default walk (60 % of the weight in the harness).
+# Force of each foot from heel strike to heel strike in the guided walk (60 % of the weight in the harness).
 
 # %%
 figure = walk().plot("ground_forces")
@@ -72,7 +72,7 @@ measured = [
     for share, values in BARELA.items()
 ]
 default = next(row for row in rows if row["support"] == "60%")
-measured.append({"walk": "default walk, 60% support", **{name: default[name] for name in SHAPE}})
+measured.append({"walk": "guided walk, 60% support", **{name: default[name] for name in SHAPE}})
 healthy = summarise_run(walk())["walk_reference"]
 measured.append(
     {"walk": "Winter (1991), slow cadence", **{name: f"{healthy[MEASURES[name]]:.2f}" for name in SHAPE}}
@@ -81,7 +81,7 @@ print(pd.DataFrame(measured).to_string(index=False))
 
 # %% [markdown]
 # ## With other feet
-# One number of the contact, or the distance of its two points, differs from the default walk. The compression
+# One number of the contact, or the distance of its two points, differs from the guided walk. The compression
 # is the largest depth of a point of a foot after 5 s, the error is that of the left knee.
 
 # %%

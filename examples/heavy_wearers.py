@@ -243,7 +243,7 @@ def draw(walks: pd.DataFrame, experiment: Experiment) -> Figure:
 # %%
 if __name__ == "__main__":
     form = read_options("heavy_wearers")
-    base = load_experiment("treadmill", ["duration_s=12"]).experiment
+    base = load_experiment("treadmill_guided", ["duration_s=12"]).experiment
     cases = draws(3 if form.quick else DRAWS)
     items = [case | changes for changes in VARIANTS.values() for case in cases]
     experiments = [override_experiment(base, item) for item in items]

@@ -1,4 +1,4 @@
-"""Limits of validity: the effect of each assumption on the default walk.
+"""Limits of validity: the effect of each assumption on the guided walk.
 
 Fifteen assumed numbers are changed one at a time over their plausible range, and all together (Sobol
 indices). Assumptions about the structure, such as a rigid connection of wearer and device, are replaced one
@@ -100,7 +100,7 @@ ASSUMED_WEARER = {"mass_kg": 70.0, "height_m": 1.75, "sex": "male"}
 
 
 def changes_of(values: Mapping[Assumption, float]) -> dict[str, float]:
-    """Return the changes of the default walk for values of some assumptions."""
+    """Return the changes of the guided walk for values of some assumptions."""
     changes = {key: value for item, value in values.items() for key in item.keys}
     if any(key.startswith("control.patient.") for key in changes):
         changes = {f"control.patient.{key}": value for key, value in ASSUMED_WEARER.items()} | changes
@@ -199,7 +199,7 @@ def structure_results(duration: float, *, quick: bool) -> pd.DataFrame:
         if quick:  # without those that need a compilation of their own
             cases = {label: case for label, case in cases.items() if not case[0]}
         for label, (settings, changes) in cases.items():
-            base = load_experiment("treadmill", [f"duration_s={duration}", *settings]).experiment
+            base = load_experiment("treadmill_guided", [f"duration_s={duration}", *settings]).experiment
             rows[label] = outputs_of(simulate_batch(base, [changes])).iloc[0]
     return pd.DataFrame(rows).T
 
@@ -344,10 +344,10 @@ def assumption_rows(low: pd.DataFrame, high: pd.DataFrame, nominal: pd.Series) -
 
 
 def structure_rows(results: pd.DataFrame, nominal: pd.Series) -> list[dict[str, str]]:
-    """Return the default walk and a row for each other structure."""
+    """Return the guided walk and a row for each other structure."""
     kinds = {label: kind for label, (kind, *_) in STRUCTURES.items()} | dict.fromkeys(SOLES, "contact")
     rows = []
-    for label, found in {"the default walk": nominal, **dict(results.iterrows())}.items():
+    for label, found in {"the guided walk": nominal, **dict(results.iterrows())}.items():
         row = {"change": label, "kind": kinds.get(label, "")}
         for name, output in OUTPUTS.items():
             row[f"{output.title} [{output.unit}]"] = _number(found[name], output)
@@ -370,7 +370,7 @@ def spread_rows(sample: pd.DataFrame, nominal: pd.Series, indices: Mapping) -> l
         rows.append(
             {
                 "result": f"{output.title} [{output.unit}]",
-                "default walk": _number(nominal[name], output),
+                "guided walk": _number(nominal[name], output),
                 "median": _number(middle, output),
                 "90 % range": f"{_number(low, output)} to {_number(high, output)}",
                 "largest total indices": causes,
@@ -395,7 +395,7 @@ def main() -> None:
     """Run the study in the form of the command line."""
     form = read_options("limits_of_validity")
     samples = 2 if form.quick else SAMPLES
-    base = load_experiment("treadmill", [f"duration_s={DURATION}"]).experiment
+    base = load_experiment("treadmill_guided", [f"duration_s={DURATION}"]).experiment
     with Workers(form.workers) as workers:
         nominal = outputs_of(simulate_batch(base, [{}])).iloc[0]
         low, high = one_at_a_time(base, workers)

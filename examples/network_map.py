@@ -1,6 +1,6 @@
 """Springs on the boards or on the gait controller: the effects of delay and loss on the CAN bus.
 
-The default walk over a bus with 0–20 ms of further delay and 0–20 % of lost frames, with virtual springs and
+The guided walk over a bus with 0–20 ms of further delay and 0–20 % of lost frames, with virtual springs and
 dampers on the boards of the joints, as in the thesis, and on the central unit (CCU). Then the explanation:
 the linearised loop of one phase. Two minutes on two cores; page: docs/background/network.md.
 """
@@ -45,7 +45,7 @@ def bus_loads() -> list[dict]:
     """Return the worst-case load of the bus at two bit rates, and the arrival time of its last frame."""
     rows = []
     for rate in (1000, 500):
-        bus = load_experiment("treadmill", [f"network={{bit_rate_kbit_per_s: {rate}}}"]).experiment
+        bus = load_experiment("treadmill_guided", [f"network={{bit_rate_kbit_per_s: {rate}}}"]).experiment
         load, times = traffic_of(bus)
         last = max(times.values())
         latest = "never" if last == math.inf else f"{1e3 * last:.2f} ms after it is due"
@@ -57,7 +57,7 @@ def outcome_map(
     delays: Sequence[int], losses: Sequence[float], duration: float, workers: int
 ) -> pd.DataFrame:
     """Simulate a walk at every point and return outcome and error, with a row for each."""
-    base = load_experiment("treadmill", ["network=can", f"duration_s={duration}"]).experiment
+    base = load_experiment("treadmill_guided", ["network=can", f"duration_s={duration}"]).experiment
     points = list(itertools.product(LOCATIONS, delays, losses))
     overrides = [
         {"network.impedance": location, "network.delay_s": 1e-3 * delay, "network.loss": loss}
@@ -113,7 +113,7 @@ def swing_of(location: str, delay: int, duration: float) -> Swing:
     """Simulate a walk without the monitor and return the swing of its knee."""
     network = f"network={{impedance: {location}, delay_ms: {delay}}}"
     settings = [network, f"duration_s={duration}", "control.safety.enabled=false"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     angle, velocity = (
         run.log[f"{KNEE}_{name}"].to_numpy() for name in ("measured_angle_rad", "velocity_fast_rad_per_s")
     )
@@ -202,7 +202,7 @@ if __name__ == "__main__":
     delays, losses = ((0, 20), (0.0, 0.2)) if form.quick else (DELAYS, LOSSES)
     walks = outcome_map(delays, losses, duration, form.workers)
     walks.to_csv(form.out / "network_map.csv", index=False, lineterminator="\n")
-    base = load_experiment("treadmill").experiment
+    base = load_experiment("treadmill_guided").experiment
     swings = [swing_of(location, delay, duration) for location in LOCATIONS for delay in delays]
     late = [round(item.round_trip / 1e-3) for item in swings if item.place == CCU]
     linear = linear_speeds(base, late)

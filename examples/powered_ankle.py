@@ -1,8 +1,8 @@
 """How much does a motor at the ankle add to the push-off of the orthosis alone, and for which wearers?
 
-Power and work of the ankle over the stride in the presets ``treadmill_ankle`` and ``treadmill``, compared to
-Winter's healthy walkers; both walks with other wearers. The motor consists of data only: a URDF with a drive,
-a preset and a gait table. Half a minute; page: docs/background/powered_ankle.md.
+Power and work of the ankle over the stride in the presets ``treadmill_ankle`` and ``treadmill_guided``,
+compared to Winter's healthy walkers; both walks with other wearers. The motor consists of data only: a URDF
+with a drive, a preset and a gait table. Half a minute; page: docs/background/powered_ankle.md.
 """
 
 # %%
@@ -14,7 +14,7 @@ from gallery import read_options
 
 from twin_gait import Experiment, Run, load_experiment, simulate, summarise_run
 
-PRESETS = {"orthosis alone": "treadmill", "motor and orthosis": "treadmill_ankle"}
+PRESETS = {"orthosis alone": "treadmill_guided", "motor and orthosis": "treadmill_ankle"}
 DURATION, SKIPPED = 20.0, 2  # [s], strides at the start
 WEARERS = ((55, 1.60), (55, 1.75), (70, 1.60), (70, 1.75), (70, 1.90), (85, 1.75), (85, 1.90), (95, 1.90))
 GRID = 201  # number of points of a stride

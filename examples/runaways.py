@@ -1,6 +1,6 @@
 """Runaways of a joint's command: does the monitor prevent a fall without false trips?
 
-Two thousand seeded runaways on the default walk, over rate, time and joint, half of them with a second fault,
+Two thousand seeded runaways on the guided walk, over rate, time and joint, half of them with a second fault,
 with and without the bound on the deviation of the command from its setpoint; fewer on the other presets. Then
 the deviation in walks without a fault. Twenty minutes on one core; page: docs/reference/faults.md.
 """
@@ -32,7 +32,7 @@ from twin_gait.studies.batch import override_experiment, run_episodes
 
 SEED = 0
 NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": 1e-4}
-DEFAULT = "treadmill"
+DEFAULT = "treadmill_guided"
 # Runs, duration and time of the earliest runaway in [s]; by then the legs walk.
 CAMPAIGNS = {
     DEFAULT: (2000, 10.0, 2.0),

@@ -93,7 +93,7 @@ save(figure, form.out / "test.png")
 # %%
 def firmware_row(name: str, *settings: str) -> dict[str, Any]:
     """Return sizes, instructions and differences of the C of a policy."""
-    found = verify(load_experiment("treadmill", settings).experiment)
+    found = verify(load_experiment("treadmill_guided", settings).experiment)
     double, _, target, _ = (check["found"] for check in found["checks"])
     central = target["bytes"]["gait_controller"]
     return {

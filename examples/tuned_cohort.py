@@ -30,7 +30,7 @@ if __name__ == "__main__":
     with Workers(form.workers) as workers:
         plain = simulate_batch(experiment_of({}), people, workers=workers)
         tuned = pd.DataFrame(run_jobs(tuned_walk, jobs, workers=workers))
-    rows = [cohort_row("treadmill, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
+    rows = [cohort_row("treadmill_guided, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
     print(pd.DataFrame(rows).to_string(index=False))
     version = twin_gait.__version__
     form.write_results(

@@ -38,7 +38,7 @@ def check(name: str, reference: str, figure: float, limit: float, unit: str = ""
 # %%
 ROUNDING = 1e-10
 if mujoco:
-    for preset, described in (("bench_leg", "bench leg"), ("treadmill", "worn device")):
+    for preset, described in (("bench_leg", "bench leg"), ("treadmill_guided", "worn device")):
         for quantity, error in checks.dynamics_errors(load_experiment(preset).experiment).items():
             check(f"{quantity} of the {described}", "MuJoCo", error, ROUNDING)
 check("accelerations of the bench leg", "Lagrange's equations by hand", checks.pendulum_error(), ROUNDING)
@@ -62,7 +62,13 @@ for method, order, limit in (("semi_implicit_euler", 1, 0.01), ("rk4", 4, 0.05))
 # %%
 SAME_MOTION = 1e-9
 check("bench leg, 5 s", "Pinocchio engine", checks.engine_difference("bench_leg", 5.0), SAME_MOTION, "rad")
-check("treadmill, 2 s", "Pinocchio engine", checks.engine_difference("treadmill", 2.0), SAME_MOTION, "rad")
+check(
+    "treadmill_guided, 2 s",
+    "Pinocchio engine",
+    checks.engine_difference("treadmill_guided", 2.0),
+    SAME_MOTION,
+    "rad",
+)
 stepping = "integration={method: semi_implicit_euler, step_ms: 1}"
 run = simulate(load_experiment("bench_leg", ["duration_s=5", stepping]).experiment)
 if mujoco:
@@ -77,8 +83,8 @@ if mujoco:
 # near rest over the inertia of a drive, is the fastest rate: 5e-9 at 1 ms, less at the 0.25 ms of the preset.
 
 # %%
-walk = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)
-check("energy of 5 s of treadmill", "conservation of energy", checks.energy_residual(walk), 1e-8)
+walk = simulate(load_experiment("treadmill_guided", ["duration_s=5"]).experiment)
+check("energy of 5 s of treadmill_guided", "conservation of energy", checks.energy_residual(walk), 1e-8)
 check("power that friction gives", "passivity", checks.largest_friction_power(walk), 0.0, "W")
 pull = -float(walk.log.filter(like="foot_normal_force_N").min().min())
 check("pull of the ground at a foot", "unilateral contact", pull, 0.0, "N")
@@ -87,9 +93,11 @@ check("pull of the ground at a foot", "unilateral contact", pull, 0.0, "N")
 # Steps: the largest error of an angle over 10 s, against a tenth of the default step of each preset.
 
 # %%
-WALKS = ("treadmill", "treadmill_40", "treadmill_start_stop", "treadmill_ankle")
+WALKS = ("treadmill_guided", "treadmill_40", "treadmill_start_stop", "treadmill_ankle")
 PRESETS = (
-    ("treadmill",) if form.quick else (*WALKS, "overground", "sit_to_stand", "stand_to_sit", "bench_leg")
+    ("treadmill_guided",)
+    if form.quick
+    else (*WALKS, "overground", "sit_to_stand", "stand_to_sit", "bench_leg")
 )
 steps = [row for preset in PRESETS for row in checks.step_rows(preset, 1.0 if form.quick else 10.0)]
 print(*(" ".join(f"{cell:24}" for cell in row.values()) for row in steps), sep="\n")

@@ -57,7 +57,7 @@ def five_phase_table() -> GaitTable:
 
 def synthetic_experiment() -> Experiment:
     return replace(
-        load_experiment("treadmill").experiment,
+        load_experiment("treadmill_guided").experiment,
         name="synthetic",
         table=five_phase_table(),
         duration=LENGTH * TICK,

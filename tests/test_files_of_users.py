@@ -89,7 +89,7 @@ def test_a_pipe_that_an_experiment_names_is_refused(
 ) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    assert main(["simulate", "treadmill", "--set", setting.format(pipe)]) == 2
+    assert main(["simulate", "treadmill_guided", "--set", setting.format(pipe)]) == 2
     error = capsys.readouterr().err
     assert str(pipe) in error and error.count("\n") == 1
 

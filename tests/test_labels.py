@@ -84,7 +84,7 @@ def test_values_are_converted_to_the_display_unit() -> None:
 
 
 def test_every_column_of_the_log_has_a_label_with_a_unit() -> None:
-    for preset, given in (*((name, []) for name in presets()), ("treadmill", BRACED)):
+    for preset, given in (*((name, []) for name in presets()), ("treadmill_guided", BRACED)):
         for column in log_layout(build_setup(load_experiment(preset, given).experiment)).names:
             check_label(column)
 

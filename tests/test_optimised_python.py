@@ -35,7 +35,7 @@ def test_a_walk_runs_without_docstrings(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [("check", "treadmill"), ("--help",)])
+@pytest.mark.parametrize("arguments", [("check", "treadmill_guided"), ("--help",)])
 def test_the_program_prints_the_same_without_docstrings(arguments: tuple[str, ...]) -> None:
     usual, optimised = (run(*arguments, optimised=item) for item in (False, True))
     assert len(usual.stdout) > 500

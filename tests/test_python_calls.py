@@ -41,7 +41,7 @@ def python_calls(act: Callable[[], Any]) -> int:
 
 
 def test_an_episode_of_a_batch_is_cheap() -> None:
-    experiment = load_experiment("treadmill", ["duration_s=20"]).experiment
+    experiment = load_experiment("treadmill_guided", ["duration_s=20"]).experiment
 
     def batch(episodes: int) -> None:
         changes = [
@@ -75,7 +75,9 @@ def test_a_run_without_a_log_makes_no_table() -> None:
 def test_a_slider_rebuilds_only_the_changed_parts(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = LiveSession(loaded=load_experiment("treadmill", ["duration_s=60"]), folder=tmp_path / "walk")
+    session = LiveSession(
+        loaded=load_experiment("treadmill_guided", ["duration_s=60"]), folder=tmp_path / "walk"
+    )
     session._prepare()
     walk, outcomes = SteppedRun(session.panel.simulation_setup), []
     walk.advance(3000)

@@ -69,7 +69,7 @@ def test_the_package_of_the_wheel_is_the_one_that_runs(site, tmp_path):
 
 
 def test_a_gait_runs_outside_the_checkout(site, tmp_path):
-    printed = run(site, tmp_path, "-m", "twin_gait", "simulate", "--duration", "4")
+    printed = run(site, tmp_path, "-m", "twin_gait", "simulate", "treadmill_guided", "--duration", "4")
     assert printed.startswith("walked: 4 s")
     (made,) = (tmp_path / "runs").iterdir()
     assert {"experiment.yaml", "log.parquet", "summary.json", "animation.html", "figures"} <= {

@@ -66,7 +66,7 @@ class Case:
 
 def cases() -> list[Case]:
     """Return all scenarios, each with its two integrators."""
-    bench, treadmill = (load_experiment(name).experiment for name in ("bench_leg", "treadmill"))
+    bench, treadmill = (load_experiment(name).experiment for name in ("bench_leg", "treadmill_guided"))
     hanging = replace(treadmill, name="contact_free_biped", scenario=HangingScenario(), table=bench.table)
     scenarios = (
         ("bench_leg", bench, ((EULER, 1e-3), (RK4, 1e-3)), 2000),

@@ -6,7 +6,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.export.can import network_messages, run_frames
 from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
 
-experiment = load_experiment("treadmill", ["duration_s=1"]).experiment
+experiment = load_experiment("treadmill_guided", ["duration_s=1"]).experiment
 run = simulate(experiment)
 message = cantools.database.load_file(find_dbc(PACKAGED_DBC)).get_message_by_name("support")
 found = [

@@ -8,9 +8,9 @@ from twin_gait.gait.signals import signal_names
 assert "shank.inclination_deg" in signal_names(["hip", "knee"]), (
     "another twin_gait is imported: pip install -e ."
 )
-guarded = """table={extends: treadmill, transitions: [{from: early_stance, to: middle_stance, cause: leans,
-    all: ["shank.inclination_deg > 2"]}]}"""
-run = simulate(load_experiment("treadmill", ["duration_s=6", guarded]).experiment)
+guarded = """table={extends: treadmill_guided, transitions: [{from: early_stance, to: middle_stance,
+    cause: leans, all: ["shank.inclination_deg > 2"]}]}"""
+run = simulate(load_experiment("treadmill_guided", ["duration_s=6", guarded]).experiment)
 leans = [switch for switch in run.switches if switch.cause == "leans"]
 for switch in leans:
     hip, knee = (

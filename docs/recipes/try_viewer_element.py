@@ -5,7 +5,7 @@ from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.motion import read_motion
 from twin_gait.viewer.scene import build_scene
 
-experiment = load_experiment("treadmill", ["duration_s=1"]).experiment
+experiment = load_experiment("treadmill_guided", ["duration_s=1"]).experiment
 model = experiment.build_world().model
 motion = read_motion(simulate(experiment).log, model)
 scene = build_scene(CommandBuffer(), model)

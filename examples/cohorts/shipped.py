@@ -18,7 +18,7 @@ SUPPORTS = (0.6, 0.4)
 def experiment_of(name: str, support: float, duration: float) -> Experiment:
     """Return the shipped walk with a shipped person, ``mass alone`` or ``passive moments alone``."""
     settings = [f"scenario.support.share={support}", f"duration_s={duration}"]
-    return load_experiment("treadmill", [*settings, *PLAIN.get(name, (f"patient={name}",))]).experiment
+    return load_experiment("treadmill_guided", [*settings, *PLAIN.get(name, (f"patient={name}",))]).experiment
 
 
 def wearer_peak(run: Run, joint: JointName) -> float:

@@ -30,7 +30,7 @@ class Job(NamedTuple):
 def experiment_of(walker: Mapping[str, Any]) -> Experiment:
     """Return the treadmill experiment of one minute."""
     settings = [f"scenario.support.share={SUPPORT}", f"duration_s={DURATION}"]
-    return override_experiment(load_experiment("treadmill", settings).experiment, walker)
+    return override_experiment(load_experiment("treadmill_guided", settings).experiment, walker)
 
 
 def tuned_walk(job: Job) -> dict[str, Any]:

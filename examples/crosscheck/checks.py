@@ -131,7 +131,7 @@ def random_walk(generator: np.random.Generator, *settings: str) -> Run:
     mass, height, speed, share = generator.uniform(low, high).tolist()
     who = f"patient={{mass_kg: {mass}, height_m: {height}}}"
     where = (f"scenario.belt_speed_km_per_h={speed}", f"scenario.support.share={share}")
-    return simulate(load_experiment("treadmill", ["duration_s=3", who, *where, *settings]).experiment)
+    return simulate(load_experiment("treadmill_guided", ["duration_s=3", who, *where, *settings]).experiment)
 
 
 def largest_difference(run: Run, other: Run) -> float:

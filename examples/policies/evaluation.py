@@ -42,7 +42,7 @@ def evaluate(
     count: int, duration: float, controllers: Mapping[str, Mapping[str, Any]], workers: int
 ) -> pd.DataFrame:
     """Walk with every wearer and controller, without and with pushes; one row for each walk."""
-    experiment = load_experiment("treadmill", [f"duration_s={duration}"]).experiment
+    experiment = load_experiment("treadmill_guided", [f"duration_s={duration}"]).experiment
     events = [
         {"time_s": time, "push": {"joint": joint, "torque_Nm": 20, "duration_ms": 200}}
         for time, joint in PUSHES.items()

@@ -109,7 +109,7 @@ def policy_of(task: Task, name: str, weights: np.ndarray, training: str = "") ->
 
 def environment_of(task: Task, policy: PolicyParameters) -> VectorGaitEnv:
     """Return environments in which the actions are the outputs of a policy."""
-    loaded = load_experiment("treadmill", [f"duration_s={task.duration}"])
+    loaded = load_experiment("treadmill_guided", [f"duration_s={task.duration}"])
     control = replace(loaded.experiment.control, mode="policy", policy=policy)
     return VectorGaitEnv(
         2 * task.pairs,

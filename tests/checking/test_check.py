@@ -44,7 +44,7 @@ Mapping = dict[str, Any]
 
 @cache
 def experiment() -> Experiment:
-    return load_experiment("treadmill").experiment
+    return load_experiment("treadmill_guided").experiment
 
 
 @cache
@@ -273,7 +273,7 @@ def test_shipped_tables_have_no_errors(name: str) -> None:
     assert [item for item in checked(name) if item.severity == "error"] == []
 
 
-@pytest.mark.parametrize("name", ["treadmill", "treadmill_start_stop", "bench_leg"])
+@pytest.mark.parametrize("name", ["treadmill_guided", "treadmill_start_stop", "bench_leg"])
 def test_every_warning_of_the_tables_that_are_walked_in_is_waived(name: str) -> None:
     case = load_case(name)
     assert case.experiment is not None
@@ -368,7 +368,7 @@ def test_machine_with_other_joints_and_four_phases_is_checked_alone(tmp_path: Pa
 
 def test_joints_in_another_order_are_refused_as_in_a_run(tmp_path: Path) -> None:
     path = tmp_path / "turned.yaml"
-    path.write_text("schema_version: 2\nextends: treadmill\njoints: [knee, hip]\n", encoding="utf-8")
+    path.write_text("schema_version: 2\nextends: treadmill_guided\njoints: [knee, hip]\n", encoding="utf-8")
     with raises(ParameterError, "joints", "hip, knee, ankle", "knee, hip"):
         load_case(path)
 
@@ -377,7 +377,7 @@ def test_messages_about_a_pair_of_equal_phases_and_an_unreachable_threshold(tmp_
     path = tmp_path / "stuck.yaml"
     text = """
     schema_version: 2
-    extends: treadmill
+    extends: treadmill_guided
     transitions:
       - {from: late_stance, to: swing_flexion, cause: trailing_limb,
          all: ["other.phase in [early_stance]", "hip.angle_deg < 200"]}
@@ -426,7 +426,7 @@ def test_experiment_that_cannot_drive_the_joints_is_refused(tmp_path: Path) -> N
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
     with raises(ParameterError, "plant.actuators.ankle"):
-        load_case(path, "treadmill")
+        load_case(path, "treadmill_guided")
 
 
 def test_one_leg_cannot_swing_with_another() -> None:
@@ -496,7 +496,7 @@ def test_noise_of_the_trunk_can_reverse_a_switch(tmp_path: Path) -> None:
 
 
 def test_table_is_scaled_to_the_experiment() -> None:
-    slow = load_experiment("treadmill", ["scenario.belt_speed_km_per_h=0.9"]).experiment
+    slow = load_experiment("treadmill_guided", ["scenario.belt_speed_km_per_h=0.9"]).experiment
     table = load_gait_table(FIVE_PHASES)
     scaled = build_case(table, slow).table
     assert scaled.transitions[0].guard != table.transitions[0].guard
@@ -521,7 +521,7 @@ def test_report_names_table_experiment_counts_and_findings() -> None:
     assert (document["schema_version"], document["table"], document["experiment"]) == (
         2,
         "five_phases",
-        "treadmill",
+        "treadmill_guided",
     )
     assert document["counts"] == {"errors": 1, "warnings": 1, "notes": 0, "waived": 0}
     assert [item["severity"] for item in document["findings"]] == ["error", "warning"]
@@ -582,7 +582,7 @@ def test_the_name_of_a_preset_selects_its_own_table() -> None:
 
 def test_the_check_before_a_run_makes_few_python_calls() -> None:
     """It delays every command: 364,000 calls on the default table, a quarter more are a regression."""
-    experiment, calls = load_experiment("treadmill").experiment, 0
+    experiment, calls = load_experiment("treadmill_guided").experiment, 0
 
     def count(frame: object, event: str, argument: object) -> None:
         nonlocal calls

@@ -46,7 +46,7 @@ def test_a_walk_with_a_driven_ankle_is_checked_as_a_whole() -> None:
 
 
 def test_without_an_experiment_a_table_is_checked_against_the_preset_of_its_joints_or_by_itself() -> None:
-    for name in (WALK, "treadmill"):
+    for name in (WALK, "treadmill_guided"):
         experiment = load_case(name).experiment
         assert experiment is not None and experiment.name == name
     assert load_case("sup_2009").experiment is None

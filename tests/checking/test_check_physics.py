@@ -48,7 +48,7 @@ def with_table(preset: str, change) -> CheckCase:
 
 def on_the_belt(change) -> CheckCase:
     """Return the treadmill preset with a table that is changed by a function."""
-    experiment = load_experiment("treadmill", [f"table={FIVE_PHASES}"]).experiment
+    experiment = load_experiment("treadmill_guided", [f"table={FIVE_PHASES}"]).experiment
     return build_case(change(experiment.table), experiment)
 
 
@@ -68,7 +68,7 @@ def test_the_preset_without_a_table_of_its_name_has_no_physical_errors():
 
 def test_a_finding_has_the_name_of_its_rule_an_explanation_and_a_suggestion():
     broken = case_of(
-        "treadmill",
+        "treadmill_guided",
         "table.blending.duration_ms=0",
         "table.phases.swing_flexion.knee.equilibrium_deg=150",
         "table.phases.swing_extension.knee.friction_compensation_gain=1.0",
@@ -346,8 +346,8 @@ def test_the_jump_is_the_sum_of_impedance_gravity_and_friction_compensation():
 
 @pytest.mark.parametrize("mode", ["position", "constant"])
 def test_exits_are_not_checked_for_control_modes_that_do_not_follow_phases(mode):
-    """Regression: a run of the default walk with these shipped modes was refused."""
-    driven = load_experiment("treadmill", [f"control.mode={mode}"]).experiment
+    """Regression: a run of the guided walk with these shipped modes was refused."""
+    driven = load_experiment("treadmill_guided", [f"control.mode={mode}"]).experiment
     found = check_before_run(driven)
     assert not [item for item in found if item.severity is Severity.ERROR or item.rule == "cannot_leave"]
 
@@ -379,7 +379,7 @@ def test_the_counterexample_of_a_jump_lies_in_its_guard():
     assert finding.counterexample["knee.angle_deg"] > 45.0
 
 
-@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill_guided"])
 def test_no_switch_of_a_run_jumps_further_than_found(preset):
     """The command at the posture of the switch, in the old and in the new phase, from the log."""
     run = simulate(load_experiment(preset, ["duration_s=8"]).experiment)
@@ -506,7 +506,7 @@ def test_the_margin_is_where_the_spectral_radius_passes_one():
 
 
 def test_plus_and_minus_one_radian_per_second_give_the_same_loop():
-    (leg,) = hanging_legs(case_of("treadmill"))
+    (leg,) = hanging_legs(case_of("treadmill_guided"))
     forward, backward = leg.linear_loop(3, 1.0), leg.linear_loop(3, -1.0)
     np.testing.assert_allclose(
         stability.transition_matrix(forward), stability.transition_matrix(backward), atol=1e-9, rtol=0

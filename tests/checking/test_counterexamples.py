@@ -45,7 +45,7 @@ TIME, OTHER_TIME = "time_in_phase_s", "other.time_in_phase_s"
 
 @cache
 def treadmill() -> Experiment:
-    return load_experiment("treadmill").experiment
+    return load_experiment("treadmill_guided").experiment
 
 
 class Vectors:
@@ -196,7 +196,7 @@ SEEDS = range(12)
 @cache
 def random_case(seed: int) -> CheckCase:
     experiment = treadmill()
-    plain = build_case(load_gait_table("treadmill"), experiment)
+    plain = build_case(load_gait_table("treadmill_guided"), experiment)
     return CheckCase(
         table=random_table(seed),
         experiment=experiment,
@@ -215,7 +215,7 @@ def test_limits_equal_the_limits_of_the_urdf() -> None:
             assert velocity == pytest.approx((-speed, speed), abs=0.2)
 
 
-@pytest.mark.parametrize("name", ["treadmill", "bench_leg"])
+@pytest.mark.parametrize("name", ["treadmill_guided", "bench_leg"])
 def test_shipped_tables_report_all_that_half_a_million_random_vectors_show(name: str) -> None:
     table = load_gait_table(name)
     case = CheckCase(table=table, experiment=None, limits=random_case(0).limits)

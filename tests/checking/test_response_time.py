@@ -158,7 +158,7 @@ def test_no_simulated_response_exceeds_the_bound() -> None:
 @pytest.mark.usefixtures("longest_frames")
 def test_the_eight_frames_of_the_device_meet_their_bounds() -> None:
     network, messages = NetworkParameters(), cyclic_messages(load_messages(), BOARDS[:4])
-    load, times = traffic_of(load_experiment("treadmill", ["network=can"]).experiment)
+    load, times = traffic_of(load_experiment("treadmill_guided", ["network=can"]).experiment)
     assert load == 0.54
     expected = [270, 405, 540, 675, 810, 945, 1080, 1080]  # 135 bits each, the last one is not blocked
     assert [round(1e6 * time) for time in times.values()] == expected
@@ -179,7 +179,7 @@ def test_the_eight_frames_of_the_device_meet_their_bounds() -> None:
 def test_frames_with_their_own_stuff_bits_stay_below_the_bounds() -> None:
     network = NetworkParameters(jitter=2e-4, clock_drift={"left_hip": 1e-3})
     bus = new_bus(network, load_messages(), BOARDS[:4], 3, 1e-3)
-    load, times = traffic_of(replace(load_experiment("treadmill").experiment, network=network))
+    load, times = traffic_of(replace(load_experiment("treadmill_guided").experiment, network=network))
     random = np.random.default_rng(8)
     for tick in range(4000):
         for made in bus.frames:
@@ -195,7 +195,7 @@ def test_frames_with_their_own_stuff_bits_stay_below_the_bounds() -> None:
 # ------------------------------------------------------------------ the rule
 
 
-def rule(*settings: str, preset: str = "treadmill") -> list[Finding]:
+def rule(*settings: str, preset: str = "treadmill_guided") -> list[Finding]:
     return bus_traffic(load_case(None, preset, settings))
 
 

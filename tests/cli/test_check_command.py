@@ -86,9 +86,9 @@ def test_json_has_the_same_findings(stiff_knee: str, capsys: pytest.CaptureFixtu
 
 
 def test_experiment_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
-    run("bench_leg", "--experiment", "treadmill", "--json")
+    run("bench_leg", "--experiment", "treadmill_guided", "--json")
     document = json.loads(capsys.readouterr().out)
-    assert document["experiment"] == "treadmill"
+    assert document["experiment"] == "treadmill_guided"
     # With two legs the stepping of the bench leg lets both swing.
     assert "both_in_swing" in {item["rule"] for item in document["findings"]}
 
@@ -104,8 +104,8 @@ def test_rules_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "explained"),
     [
         ([], ("check", "--experiment", "--rules")),
-        (["nowhere.yaml"], ("nowhere.yaml", "treadmill")),
-        (["treadmill", "--experiment", "nowhere"], ("nowhere", "treadmill")),
+        (["nowhere.yaml"], ("nowhere.yaml", "treadmill_guided")),
+        (["treadmill_guided", "--experiment", "nowhere"], ("nowhere", "treadmill_guided")),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], explained: tuple[object, ...]) -> None:
@@ -158,15 +158,15 @@ def test_live_finding_shows_reason_counterexample_and_suggestion() -> None:
 
 
 def test_waived_findings_are_only_counted_by_default(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("treadmill") == DONE
+    assert run("treadmill_guided") == DONE
     brief = capsys.readouterr().out.splitlines()
     assert not any(line.startswith("waived") for line in brief)
     number = int(re.findall(r"(\d+) waived \(--waived lists them\)$", brief[-1])[0])
-    assert run("treadmill", "--waived") == DONE
+    assert run("treadmill_guided", "--waived") == DONE
     whole = capsys.readouterr().out.splitlines()
     assert sum(line.startswith("waived warning ") for line in whole) == number > 10
     assert whole[-1].endswith(f"{number} waived")
-    assert run("treadmill", "--json") == DONE
+    assert run("treadmill_guided", "--json") == DONE
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert sum(item["waived"] is not None for item in findings) == number
 
@@ -197,10 +197,10 @@ def test_a_table_with_phases_of_its_own_is_checked_from_its_first_one(
     run(str(path))
     assert capsys.readouterr().out.splitlines()[-1].startswith("own, against treadmill: ")
     with raises(TwinGaitError, "scenario.leading_phase", "stance", "swing"):
-        run(str(path), "--experiment", "treadmill")
-    run(str(path), "--experiment", "treadmill", "--set", "scenario.leading_phase=swing",
+        run(str(path), "--experiment", "treadmill_guided")
+    run(str(path), "--experiment", "treadmill_guided", "--set", "scenario.leading_phase=swing",
         "--set", "scenario.trailing_phase=stance")  # fmt: skip
-    assert "own, against treadmill: " in capsys.readouterr().out
+    assert "own, against treadmill_guided: " in capsys.readouterr().out
 
 
 # ---------------------------------------------------------------------- before a run

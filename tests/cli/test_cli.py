@@ -59,7 +59,7 @@ def test_messages_of_the_package_are_printed_on_one_line_each(capsys):
 
 def test_simulate_draws_the_first_figures_and_prints_how_to_draw_more(tmp_path, capsys):
     out = tmp_path / "two words"
-    assert run("simulate", "--duration", "6", "--out", str(out)) == 0
+    assert run("simulate", "treadmill_guided", "--duration", "6", "--out", str(out)) == 0
     figures = {path.name: path.read_bytes() for path in (out / "figures").iterdir()}
     assert set(figures) == {"gait_cycle.png", "ground_forces.png", "torques.png"}
     assert all(content.startswith(b"\x89PNG") for content in figures.values())
@@ -163,8 +163,8 @@ def test_view_shows_until_ctrl_c(subject, bench_run):
 def test_presets_are_listed_and_printed(capsys):
     assert run("presets") == 0
     listed = capsys.readouterr().out
-    assert "treadmill" in listed and "bench_leg" in listed
-    assert run("presets", "treadmill") == 0
+    assert "treadmill_guided" in listed and "bench_leg" in listed
+    assert run("presets", "treadmill_guided") == 0
     assert "belt_speed_km_per_h: 1.5" in capsys.readouterr().out
 
 
@@ -172,8 +172,8 @@ def test_a_gait_table_is_printed_as_its_file_and_can_be_checked(tmp_path, capsys
     assert run("presets", "sup_2009") == 0
     printed = capsys.readouterr().out
     assert printed == named_file("sup_2009").read_text(encoding="utf-8")
-    assert run("presets", "treadmill", "--as-table") == 0  # a preset has that name too
-    assert capsys.readouterr().out == named_file("treadmill").read_text(encoding="utf-8")
+    assert run("presets", "treadmill_guided", "--as-table") == 0  # a preset has that name too
+    assert capsys.readouterr().out == named_file("treadmill_guided").read_text(encoding="utf-8")
     assert run("presets", "moonwalk", "--as-table") == 2
 
 
@@ -235,7 +235,7 @@ def test_bad_input_is_one_line_status_2_and_no_folder(arguments, tmp_path, monke
 
 
 def test_missing_phase_is_one_line(tmp_path, monkeypatch, capsys):
-    loaded = load_experiment("treadmill").document
+    loaded = load_experiment("treadmill_guided").document
     del loaded["table"]["phases"]["late_stance"]
     path = tmp_path / "mine.yaml"
     path.write_text(dump_yaml(loaded))
@@ -261,7 +261,7 @@ def test_a_model_too_large_for_the_compiled_engine_is_one_line_with_a_suggestion
     """No experiment has so many joints today, see test_dynamics_kernels: the limit is lowered to meet one."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(kernel, "STRAIGHT_LINE_LIMIT", 15)
-    braced = ["simulate", "treadmill", "--duration", "0.05", "--out", "out", *FAST]
+    braced = ["simulate", "treadmill_guided", "--duration", "0.05", "--out", "out", *FAST]
     braced += ["--set", "patient.mass_kg=70", "--set", "interface=brace"]
     assert run(*braced) == 2
     error = capsys.readouterr().err
@@ -318,7 +318,7 @@ FALLS = ["--set", LIMP_KNEE, "--set", "scenario.support={share: 0, lock_stiffnes
 
 
 def test_a_fall_has_status_0_by_default(tmp_path):
-    arguments = ["simulate", "--duration", "4", *FALLS, *FAST, "--unchecked"]
+    arguments = ["simulate", "treadmill_guided", "--duration", "4", *FALLS, *FAST, "--unchecked"]
     assert run(*arguments, "--out", str(tmp_path / "a")) == 0
     assert json.loads((tmp_path / "a" / "summary.json").read_text())["fell"] is True
     assert run(*arguments, "--out", str(tmp_path / "b"), "--fail-on-fall") == 1
@@ -385,7 +385,16 @@ def test_accuracy_reports_the_step_error(tmp_path, capsys):
 
 
 def test_missing_accuracy_of_an_incomplete_run_is_reported(tmp_path, capsys):
-    arguments = ["simulate", "--duration", "4", *FALLS, *FAST, "--unchecked", "--accuracy"]
+    arguments = [
+        "simulate",
+        "treadmill_guided",
+        "--duration",
+        "4",
+        *FALLS,
+        *FAST,
+        "--unchecked",
+        "--accuracy",
+    ]
     assert run(*arguments, "--out", str(tmp_path / "run")) == 0
     assert states(capsys.readouterr().out, "accuracy", "fell")
 
@@ -393,7 +402,7 @@ def test_missing_accuracy_of_an_incomplete_run_is_reported(tmp_path, capsys):
 def test_wearer_belt_and_support_have_flags_of_their_own(tmp_path):
     out = tmp_path / "run"
     flags = ["--mass", "80", "--height", "1.8", "--speed", "1.8", "--support", "0.5"]
-    assert run("simulate", "--duration", "0.02", *flags, "--out", str(out), *FAST) == 0
+    assert run("simulate", "treadmill_guided", "--duration", "0.02", *flags, "--out", str(out), *FAST) == 0
     made = load_experiment(out).experiment
     assert (made.patient.mass, made.patient.height) == (80.0, 1.8)
     assert made.scenario.belt_speed == pytest.approx(0.5, rel=1e-15)

@@ -46,25 +46,30 @@ def loaded(*words: str) -> LoadedExperiment:
 
 def test_each_part_is_exchanged_by_one_option() -> None:
     found = loaded(
-        "treadmill", "--world", "treadmill_40", "--patient", "stroke_left", "--device", "twin_stiff_orthosis",
-        "--table", "treadmill_pre_swing", "--controller", "position", "--unchecked",
+        "treadmill_guided", "--world", "treadmill_40", "--patient", "stroke_left",
+        "--device", "twin_stiff_orthosis", "--table", "treadmill_pre_swing",
+        "--controller", "position", "--unchecked",
     ).experiment  # fmt: skip
     assert found.scenario == load_experiment("treadmill_40").experiment.scenario
     assert found.patient is not None and found.patient.name == "stroke_left"
     assert (found.device.name, found.table.name) == ("twin_stiff_orthosis", "treadmill_pre_swing")
     assert str(found.control.mode) == "position" and found.controller is None
-    plain = load_experiment("treadmill").experiment
+    plain = load_experiment("treadmill_guided").experiment
     assert plain.scenario != found.scenario and plain.device.name == "twin"
 
 
 def test_world_of_another_kind_leaves_no_key_of_the_former_one(tmp_path: Path) -> None:
-    found = loaded("treadmill", "--world", "overground", "--table", "overground", "--device", "twin_crutches")
+    found = loaded(
+        "treadmill_guided", "--world", "overground", "--table", "overground", "--device", "twin_crutches"
+    )
     assert found.experiment.scenario == load_experiment("overground").experiment.scenario
     path = tmp_path / "walk.yaml"
-    path.write_text(yaml.safe_dump({"preset": "treadmill", "scenario": "treadmill_40"}), encoding="utf-8")
+    path.write_text(
+        yaml.safe_dump({"preset": "treadmill_guided", "scenario": "treadmill_40"}), encoding="utf-8"
+    )
     assert load_experiment(path).experiment.scenario == load_experiment("treadmill_40").experiment.scenario
     with raises(ParameterFileError, "scenario", "moon", "treadmill_40"):
-        loaded("treadmill", "--world", "moon")
+        loaded("treadmill_guided", "--world", "moon")
 
 
 def test_controller_of_a_python_file_acts_and_is_recorded(tmp_path: Path) -> None:
@@ -95,7 +100,9 @@ def test_presets_list_the_devices(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_device_is_an_override_of_a_batch_and_a_sweep(tmp_path: Path) -> None:
-    base = load_experiment("treadmill", ["control.limits.torque_Nm=50", "control.mode=position"]).experiment
+    base = load_experiment(
+        "treadmill_guided", ["control.limits.torque_Nm=50", "control.mode=position"]
+    ).experiment
     found = override_experiment(base, {"device": "twin_crutches", "control.limits.hip.torque_Nm": 70})
     assert found.device.name == "twin_crutches" and str(found.control.mode) == "position"
     limits = found.control.limits

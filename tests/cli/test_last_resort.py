@@ -29,12 +29,12 @@ def broken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def test_an_unforeseen_error_is_one_line_with_a_report(
     broken: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["presets", "treadmill"]) == 70
+    assert main(["presets", "treadmill_guided"]) == 70
     line = DEFECT.fullmatch(capsys.readouterr().err)
     assert line is not None
     report = Path(line[1])
     text = report.read_text()
-    assert "arguments: ['presets', 'treadmill']" in text
+    assert "arguments: ['presets', 'treadmill_guided']" in text
     assert "Traceback" in text and "in fail" in text
     assert report.stat().st_mode & 0o077 == 0
 
@@ -80,7 +80,7 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
 def test_any_terminal_can_be_printed_on(bare: dict[str, str], tmp_path: Path, encoding: str) -> None:
     out = str(tmp_path / "run")
-    arguments = ["simulate", "--duration", "12", "--no-pictures", "--out", out]
+    arguments = ["simulate", "treadmill_guided", "--duration", "12", "--no-pictures", "--out", out]
     done = in_a_process(*arguments, **bare, HOME=str(Path.home()), PYTHONIOENCODING=encoding)
     assert done.returncode == 0, done.stderr
     text = done.stdout.decode(encoding)

@@ -104,7 +104,7 @@ def test_an_error_of_the_table_stops_a_command_before_a_folder_is_made(
     folder.mkdir()
     monkeypatch.chdir(folder)
     out = ["--out", "out"] if command in ("tune", "firmware") else []
-    assert main([command, "--set", f"table={no_way_out('treadmill')}", *out]) == 2
+    assert main([command, "treadmill_guided", "--set", f"table={no_way_out('treadmill_guided')}", *out]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "never_opens: swing_flexion" in line and "--unchecked" in line
     assert list(folder.iterdir()) == []
@@ -143,10 +143,10 @@ def test_simulate_answers_with_its_summary(tmp_path, capsys):
 
 def test_presets_answer_with_names_or_with_a_document(capsys):
     document = answered(capsys, "presets")
-    assert "treadmill" in document["experiments"] and "stroke_left" in document["patients"]
+    assert "treadmill_guided" in document["experiments"] and "stroke_left" in document["patients"]
     assert "sup_2009" in document["gait_tables"]
-    assert answered(capsys, "presets", "treadmill")["patient"]["mass_kg"] == 70
-    assert answered(capsys, "presets", "treadmill", "--as-table")["phases"]["late_stance"]
+    assert answered(capsys, "presets", "treadmill_guided")["patient"]["mass_kg"] == 70
+    assert answered(capsys, "presets", "treadmill_guided", "--as-table")["phases"]["late_stance"]
     assert "both" in answered(capsys, "presets", "stroke_left") or "left" in answered(
         capsys, "presets", "stroke_left"
     )
@@ -171,10 +171,10 @@ def test_faults_answer_with_a_row_each(capsys):
 def test_faults_in_a_run_that_does_not_walk_are_refused(capsys):
     """Faults added to such a run would break no limit."""
     held = ("--set", "control.safety.speed_share=0.05", "--unchecked")
-    words = ("faults", "treadmill", "--count", "2", "--duration", "3", "--workers", "1", *held)
+    words = ("faults", "treadmill_guided", "--count", "2", "--duration", "3", "--workers", "1", *held)
     assert main(words) == 1
     (line,) = capsys.readouterr().out.splitlines()
-    assert line.startswith("treadmill, 3 s ") and states(line, "held from")
+    assert line.startswith("treadmill_guided, 3 s ") and states(line, "held from")
     assert main([*words, "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert states(document["baseline_problem"], "held from") and document["faults"] == []
@@ -213,11 +213,11 @@ def test_identify_answers_with_its_document(tmp_path, capsys):
 def test_sessions_are_a_list(tmp_path, capsys):
     records = tmp_path / "sessions"
     recorder = SessionRecorder(
-        records, user="Ann", experiment="treadmill", document={"duration_s": 600}, folder=Path("run")
+        records, user="Ann", experiment="treadmill_guided", document={"duration_s": 600}, folder=Path("run")
     )
     recorder.close("completed", 600000, {}, [])
     (entry,) = answered(capsys, "sessions", "--records", records, "list")
-    assert (entry["user"], entry["experiment"], entry["status"]) == ("Ann", "treadmill", "completed")
+    assert (entry["user"], entry["experiment"], entry["status"]) == ("Ann", "treadmill_guided", "completed")
 
 
 def test_numbers_that_are_not_finite_become_null():

@@ -25,7 +25,7 @@ def run(*arguments: object) -> int:
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "walk"
-    assert run("simulate", "--duration", 4, "--out", out, "--no-pictures") == 0
+    assert run("simulate", "treadmill_guided", "--duration", 4, "--out", out, "--no-pictures") == 0
     return out
 
 
@@ -79,7 +79,7 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
     to = ["--out", tmp_path / "again", "--no-pictures"]
     if file_format != "csv":
         options += ["--convention", "opensim_gait2392"]
-    assert run("replay", path, "--table", "treadmill", *options, *to) == 0
+    assert run("replay", path, "--table", "treadmill_guided", *options, *to) == 0
     found, original = (pd.read_csv(folder / "transitions.csv") for folder in (tmp_path / "again", walk))
     columns = ["tick", "side", "from", "to", "cause"]
     # A motion does not say in which phase the legs were; after a stride they are in those of the run.
@@ -91,7 +91,7 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
 def test_one_leg_goes_through_the_table_of_the_bench_and_not_through_one_for_two(bench, capsys):
     assert run("replay", bench) == 0
     assert "right: 1 stride of" in capsys.readouterr().out
-    assert run("replay", bench, "--table", "treadmill") == 2
+    assert run("replay", bench, "--table", "treadmill_guided") == 2
     error = capsys.readouterr().err
     assert states(error, "other.phase", "early_stance → middle_stance (other_swings)", "both legs")
 
@@ -99,7 +99,7 @@ def test_one_leg_goes_through_the_table_of_the_bench_and_not_through_one_for_two
 def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
     assert run("replay", walk, "--speed", 0.8) == 0
     printed = capsys.readouterr().out
-    assert "through the table treadmill" in printed
+    assert "through the table treadmill_guided" in printed
     assert printed.count("100.0 % of the ticks equal") == 0
 
 
@@ -107,7 +107,7 @@ def test_missing_trunk_pitch_is_upright_for_a_run_and_warned_of_for_a_file(walk,
     """An added guard on it changes nothing for a run; a file must have the column."""
     table = tmp_path / "upright.yaml"
     tilted = "{from: early_stance, to: late_stance, cause: fallen, all: ['trunk.pitch_deg > 20']}"
-    table.write_text(f"schema_version: 2\nextends: treadmill\ntransitions:\n  - {tilted}\n")
+    table.write_text(f"schema_version: 2\nextends: treadmill_guided\ntransitions:\n  - {tilted}\n")
     assert run("replay", walk, "--table", table) == 0
     assert capsys.readouterr().out.count("recorded phases: 100.0 % of the ticks equal") == 2
     assert run("replay", walk / "log.parquet", "--table", table, "--total-mass", 90) == 2

@@ -48,7 +48,7 @@ def test_a_run_is_kept_where_its_summary_cannot_be_printed(more: str, tmp_path: 
 
 @pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
 def test_no_command_reports_a_full_disk_as_an_internal_error(tmp_path: Path) -> None:
-    for words in ("presets", "diagram treadmill"):
+    for words in ("presets", "diagram treadmill_guided"):
         done = shell(words, f"> {FULL}", tmp_path)
         assert done.returncode == terminal.FAILED and len(done.stderr.splitlines()) == 1, words
 

@@ -59,14 +59,14 @@ def test_every_gait_table_survives_being_written_and_read(name):
 
 
 def test_resolved_document_keeps_the_units_as_typed():
-    loaded = load_experiment("treadmill")
+    loaded = load_experiment("treadmill_guided")
     document = resolved_document(loaded.experiment, loaded.document, {})
     assert document["scenario"]["belt_speed_km_per_h"] == 1.5
     assert "stiffness_Nm_per_deg" in document["table"]["phases"]["early_stance"]["hip"]
 
 
 def test_resolved_document_of_an_experiment_changed_in_python_has_the_changes():
-    loaded = load_experiment("treadmill")
+    loaded = load_experiment("treadmill_guided")
     changed = dataclasses.replace(loaded.experiment, duration=3.0)
     document = resolved_document(changed, loaded.document, {})
     assert document["duration_s"] == 3.0
@@ -87,7 +87,7 @@ def test_experiment_of_a_changed_urdf_is_refused(tmp_path):
 
 
 def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp_path):
-    loaded = load_experiment("treadmill", ["duration_s=0.6", "patient.mass_kg=81.3"])
+    loaded = load_experiment("treadmill_guided", ["duration_s=0.6", "patient.mass_kg=81.3"])
     path = tmp_path / "experiment.yaml"
     path.write_text(dump_yaml(resolved_document(loaded.experiment, loaded.document, {})))
     first, second = simulate(loaded.experiment), simulate(load_experiment(path).experiment)
@@ -95,7 +95,7 @@ def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp
         assert first.log[name].equals(second.log[name]), name
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "overground"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "overground"])
 def test_a_word_stands_for_a_whole_set_of_contact_parameters(preset):
     experiment = load_experiment(preset, ["scenario.contact=calibrated"]).experiment
     assert experiment.scenario.contact == CONTACTS["calibrated"]
@@ -106,9 +106,9 @@ def test_a_word_stands_for_a_whole_set_of_contact_parameters(preset):
 
 def test_a_file_over_a_preset_changes_only_its_keys(tmp_path):
     path = tmp_path / "heavy.yaml"
-    path.write_text("schema_version: 2\npreset: treadmill\npatient: {mass_kg: 85}\n")
+    path.write_text("schema_version: 2\npreset: treadmill_guided\npatient: {mass_kg: 85}\n")
     experiment = load_experiment(path).experiment
-    base = load_experiment("treadmill").experiment
+    base = load_experiment("treadmill_guided").experiment
     assert experiment.name == "heavy"
     assert experiment.patient.mass == 85.0
     assert experiment.patient.height == base.patient.height
@@ -118,11 +118,11 @@ def test_a_file_over_a_preset_changes_only_its_keys(tmp_path):
 def test_a_file_may_change_a_part_of_the_preset_table(tmp_path):
     path = tmp_path / "stiff.yaml"
     path.write_text(
-        "preset: treadmill\ntable: {phases: {early_stance: {knee: {stiffness_Nm_per_rad: 300}}}}\n"
+        "preset: treadmill_guided\ntable: {phases: {early_stance: {knee: {stiffness_Nm_per_rad: 300}}}}\n"
     )
     table = load_experiment(path).experiment.table
     assert table.phases["early_stance"].joints["knee"].stiffness == 300.0
-    base = load_gait_table("treadmill")
+    base = load_gait_table("treadmill_guided")
     assert table.phases["early_stance"].joints["hip"] == base.phases["early_stance"].joints["hip"]
 
 
@@ -133,17 +133,17 @@ def test_a_table_is_found_next_to_the_file(tmp_path):
 
 
 def test_setting_a_value_in_another_unit_replaces_the_old_one():
-    slow = load_experiment("treadmill", ["scenario.belt_speed_m_per_s=0.36"]).experiment
+    slow = load_experiment("treadmill_guided", ["scenario.belt_speed_m_per_s=0.36"]).experiment
     assert slow.scenario.belt_speed == 0.36
 
 
 def test_settings_reach_defaults_that_the_preset_does_not_name():
-    experiment = load_experiment("treadmill", ["plant.friction_ratio.knee=0.9"]).experiment
+    experiment = load_experiment("treadmill_guided", ["plant.friction_ratio.knee=0.9"]).experiment
     assert experiment.plant.friction_ratio == {"hip": 0.5, "knee": 0.9}
 
 
 def test_settings_reach_list_elements():
-    loaded = load_experiment("treadmill", ['table.transitions[0].all[0]="hip.angle_deg < 5"'])
+    loaded = load_experiment("treadmill_guided", ['table.transitions[0].all[0]="hip.angle_deg < 5"'])
     assert str(loaded.experiment.table.transitions[0].guard).startswith("hip.angle_deg < 5")
 
 
@@ -152,12 +152,12 @@ def test_each_engine_has_its_own_default_integrator():
         used = load_experiment(preset, settings).experiment.resolved_integration
         return str(used.method), used.step
 
-    assert stepping("treadmill") == ("rk4", 0.25e-3)
+    assert stepping("treadmill_guided") == ("rk4", 0.25e-3)
     assert stepping("bench_leg") == ("rk4", 1e-3)
-    assert stepping("treadmill", "engine=pinocchio") == ("semi_implicit_euler", 0.25e-3)
-    assert stepping("treadmill", "integration.step_ms=0.2") == ("rk4", 0.2e-3)
+    assert stepping("treadmill_guided", "engine=pinocchio") == ("semi_implicit_euler", 0.25e-3)
+    assert stepping("treadmill_guided", "integration.step_ms=0.2") == ("rk4", 0.2e-3)
     euler = "integration.method=semi_implicit_euler"
-    assert stepping("treadmill", euler) == ("semi_implicit_euler", 0.125e-3)
+    assert stepping("treadmill_guided", euler) == ("semi_implicit_euler", 0.125e-3)
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_each_engine_has_its_own_default_integrator():
     ],
 )
 def test_step_on_the_belt_follows_the_friction_of_a_loaded_foot(settings, step):
-    assert load_experiment("treadmill", settings).experiment.resolved_integration.step == step
+    assert load_experiment("treadmill_guided", settings).experiment.resolved_integration.step == step
 
 
 def test_merge_replaces_a_quantity_in_another_unit():
@@ -236,8 +236,8 @@ BAD_SETTINGS = {
     "scenario.kind=moon": "moon",
     "scenario.support.share=1.2": "from 0 to 1",
     "scenario.belt_speed_m_per_s=-1": "belt speed",
-    "scenario.leading_phase=flying": "leading_phase: expected a phase of gait table 'treadmill', early",
-    "modes=walking": "expected one of the postures of gait table 'treadmill' (none), got",
+    "scenario.leading_phase=flying": "leading_phase: expected a phase of gait table 'treadmill_guided'",
+    "modes=walking": "expected one of the postures of gait table 'treadmill_guided' (none), got",
     "requests=walk@2s": "requests: input should be a valid list, got 'walk@2s'",
     "leg.urdf=no.urdf": "no such URDF",
     "integration.step_ms=0.3": "whole number of steps",
@@ -256,7 +256,7 @@ BAD_SETTINGS = {
 @pytest.mark.parametrize(("setting", "message"), BAD_SETTINGS.items(), ids=BAD_SETTINGS.keys())
 def test_bad_settings_are_refused_in_one_line_with_a_suggestion(setting, message):
     with pytest.raises(TwinGaitError) as caught:
-        simulate(load_experiment("treadmill", ["duration_s=0.01", setting]).experiment)
+        simulate(load_experiment("treadmill_guided", ["duration_s=0.01", setting]).experiment)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -316,13 +316,13 @@ def test_a_file_may_set_the_friction_law_of_one_joint_only(tmp_path):
 
 def test_unknown_urdf_joint_lists_the_joints_of_the_urdf():
     with raises(TwinGaitError, "hinge", "left", "hip", "left_hip"):
-        load_experiment("treadmill", ["leg.left.hip=hinge"]).experiment.build_world()
+        load_experiment("treadmill_guided", ["leg.left.hip=hinge"]).experiment.build_world()
 
 
 def test_unknown_preset_lists_the_presets():
     folder = Path(twin_gait.__file__).parent / "configuration" / "presets"
     shipped = sorted(path.stem for path in folder.glob("*.yaml"))
-    assert {"bench_leg", "day", "overground", "treadmill"} <= set(shipped)
+    assert {"bench_leg", "day", "overground", "treadmill_guided"} <= set(shipped)
     with raises(ParameterError, *shipped):
         load_experiment("no_such_preset")
 
@@ -336,7 +336,7 @@ def test_unknown_base_preset_lists_the_presets(tmp_path):
 
 def test_an_experiment_that_extends_like_a_table_is_refused(tmp_path):
     path = tmp_path / "run.yaml"
-    path.write_text("extends: treadmill\n")
+    path.write_text("extends: treadmill_guided\n")
     with raises(ParameterFileError, "run.yaml", "extends"):
         load_experiment(path)
 
@@ -348,16 +348,16 @@ def test_an_experiment_that_extends_like_a_table_is_refused(tmp_path):
     ("text", "keys"),
     [
         (
-            "preset: treadmill\nscenario: {belt_speed_m_per_s: 0.3, belt_speed_km_per_h: 2}",
+            "preset: treadmill_guided\nscenario: {belt_speed_m_per_s: 0.3, belt_speed_km_per_h: 2}",
             ("belt_speed_m_per_s", "belt_speed_km_per_h"),
         ),
         (
-            "preset: treadmill\ntable: {extends: treadmill, phases: {late_stance: "
+            "preset: treadmill_guided\ntable: {extends: treadmill_guided, phases: {late_stance: "
             "{hip: {stiffness_Nm_per_rad: 90, stiffness_Nm_per_deg: 1}}}}",
             ("stiffness_Nm_per_rad", "stiffness_Nm_per_deg"),
         ),
         (
-            "preset: treadmill\ntable: {extends: treadmill, sides: {left: {late_stance: "
+            "preset: treadmill_guided\ntable: {extends: treadmill_guided, sides: {left: {late_stance: "
             "{hip: {damping_ratio: 1, damping_Nms_per_rad: 9}}}}}",
             ("damping_ratio", "damping_Nms_per_rad"),
         ),
@@ -385,7 +385,7 @@ def test_one_file_with_a_quantity_in_two_units_is_refused(tmp_path, text, keys):
 )
 def test_one_command_line_with_a_quantity_in_two_units_is_refused(settings, keys):
     with raises(TwinGaitError, "--set", *keys) as caught:
-        load_experiment("treadmill", settings)
+        load_experiment("treadmill_guided", settings)
     assert "\n" not in str(caught.value)
 
 
@@ -393,8 +393,8 @@ def test_each_level_replaces_a_quantity_of_the_level_below_in_any_unit(tmp_path)
     """Preset in km/h and Nm/deg; a file over it in m/s and Nm/rad; settings over that the other way again."""
     path = tmp_path / "mine.yaml"
     path.write_text(
-        "preset: treadmill\nscenario: {belt_speed_m_per_s: 0.3}\n"
-        "table: {extends: treadmill, phases: {late_stance: {hip: {stiffness_Nm_per_rad: 90}}}}\n",
+        "preset: treadmill_guided\nscenario: {belt_speed_m_per_s: 0.3}\n"
+        "table: {extends: treadmill_guided, phases: {late_stance: {hip: {stiffness_Nm_per_rad: 90}}}}\n",
         encoding="utf-8",
     )
 
@@ -412,7 +412,7 @@ def test_each_level_replaces_a_quantity_of_the_level_below_in_any_unit(tmp_path)
 
 def test_the_last_of_two_settings_with_the_same_key_counts():
     settings = ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_m_per_s=0.5"]
-    assert load_experiment("treadmill", settings).experiment.scenario.belt_speed == 0.5
+    assert load_experiment("treadmill_guided", settings).experiment.scenario.belt_speed == 0.5
 
 
 @pytest.mark.parametrize(
@@ -430,7 +430,7 @@ def test_the_last_of_two_settings_with_the_same_key_counts():
 def test_a_message_with_a_range_states_the_range_that_is_applied(key, outside):
     def refusal(value):
         try:
-            load_experiment("treadmill", [f"{key}={value!r}"]).experiment.build_world()
+            load_experiment("treadmill_guided", [f"{key}={value!r}"]).experiment.build_world()
         except TwinGaitError as error:
             return str(error)
         return ""
@@ -446,7 +446,7 @@ def test_a_message_with_a_range_states_the_range_that_is_applied(key, outside):
 def test_a_device_made_to_measure_fits_every_wearer(height: float, fits: bool) -> None:
     settings = ["leg.sizes=null", f"patient.height_m={height}"]
     if fits:
-        assert load_experiment("treadmill", settings).experiment.build_world().model.sizes is not None
+        assert load_experiment("treadmill_guided", settings).experiment.build_world().model.sizes is not None
     else:
         with raises(ParameterFileError, "patient.height_m", "0.70 to 2.20 m"):
-            load_experiment("treadmill", settings)
+            load_experiment("treadmill_guided", settings)

@@ -62,7 +62,7 @@ def test_shipped_device_states_every_number_with_its_source(name: str) -> None:
 @pytest.mark.parametrize("preset", presets())
 def test_preset_has_the_numbers_of_its_device(preset: str) -> None:
     # The calibrated feet of this preset are those of the wearer.
-    restored = ["leg.heel_to_forefoot=null"] if preset == "treadmill_straps" else []
+    restored = ["leg.heel_to_forefoot=null"] if preset == "treadmill" else []
     experiment = load_experiment(preset, restored).experiment
     document, device = experiment_document(experiment), load_device(experiment.device.name).document()
     for section, parts in PARTS.items():
@@ -86,8 +86,8 @@ def test_device_of_the_user_extends_a_shipped_one_and_removes_a_joint_by_null(tm
     device = load_device(str(path))
     plant = device.parameters()["plant"]
     assert [str(joint) for joint in plant.actuators] == ["hip"]
-    with raises(ParameterFileError, "plant.actuators.knee", "treadmill"):
-        load_experiment("treadmill", [f"device={path}"])  # the gait table controls the knee, too
+    with raises(ParameterFileError, "plant.actuators.knee", "treadmill_guided"):
+        load_experiment("treadmill_guided", [f"device={path}"])  # the gait table controls the knee, too
     assert plant.actuators["hip"].gear_ratio == 9.0
     assert plant.battery.voltage == 28.8
     assert device.stated_by("plant.actuators.hip.gear_ratio") == "hip_only"
@@ -143,14 +143,19 @@ def test_device_replaces_that_of_a_preset_as_a_whole(tmp_path: Path) -> None:
 
 def test_device_is_found_next_to_the_experiment_that_names_it(tmp_path: Path) -> None:
     write(tmp_path / "own.yaml", extends="twin", control={"limits": {"torque_Nm": 50}})
-    write(tmp_path / "walk.yaml", preset="treadmill", device="own.yaml", plant={"battery": {"voltage_V": 26}})
+    write(
+        tmp_path / "walk.yaml",
+        preset="treadmill_guided",
+        device="own.yaml",
+        plant={"battery": {"voltage_V": 26}},
+    )
     experiment = load_experiment(tmp_path / "walk.yaml").experiment
     assert experiment.control.limits[JointName.HIP].torque == 50.0
     assert experiment.plant.battery.voltage == 26.0  # the experiment overrides its device
 
 
 def test_experiment_without_device_and_preset_is_refused(tmp_path: Path) -> None:
-    path = write(tmp_path / "walk.yaml", scenario={"kind": "treadmill"}, table="treadmill")
+    path = write(tmp_path / "walk.yaml", scenario={"kind": "treadmill"}, table="treadmill_guided")
     with raises(ParameterFileError, "walk.yaml", "device", "twin"):
         load_experiment(path)
 
@@ -158,7 +163,7 @@ def test_experiment_without_device_and_preset_is_refused(tmp_path: Path) -> None
 @pytest.mark.parametrize("value", ["nonsense", "3", "[twin]"])
 def test_unknown_device_lists_the_shipped_ones(value: str) -> None:
     with raises(ParameterFileError, "device", "twin_crutches"):
-        load_experiment("treadmill", [f"device={value}"])
+        load_experiment("treadmill_guided", [f"device={value}"])
 
 
 def test_resolved_document_keeps_its_numbers_and_takes_another_device(tmp_path: Path) -> None:
@@ -223,7 +228,10 @@ def test_incomplete_base_is_refused_on_the_command_line(capsys: pytest.CaptureFi
 def test_edited_device_is_read_again(tmp_path: Path) -> None:
     for voltage in (24.0, 26.0):
         path = write(tmp_path / "mine.yaml", extends="twin", plant={"battery": {"voltage_V": voltage}})
-        assert load_experiment("treadmill", [f"device={path}"]).experiment.plant.battery.voltage == voltage
+        assert (
+            load_experiment("treadmill_guided", [f"device={path}"]).experiment.plant.battery.voltage
+            == voltage
+        )
 
 
 def numbers_with_defaults(kind: Any) -> Iterator[str]:

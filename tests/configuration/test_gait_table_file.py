@@ -404,12 +404,12 @@ def test_text_without_a_table_is_refused(text: str, explained: str, tmp_path: Pa
 
 
 def test_misspelt_phase_over_another_table_is_reported(tmp_path: Path) -> None:
-    text = "schema_version: 2\nextends: treadmill\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
+    text = "extends: treadmill_guided\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
     refuse(text, tmp_path, "phases.late_stanc.hip", "is missing")
 
 
 def test_phase_that_is_set_to_nothing_is_refused(tmp_path: Path) -> None:
-    text = "schema_version: 2\nextends: treadmill\nphases: {late_stance: null}\n"
+    text = "schema_version: 2\nextends: treadmill_guided\nphases: {late_stance: null}\n"
     refuse(text, tmp_path, "phases.late_stance: expected keys and values, got None")
 
 
@@ -618,8 +618,8 @@ waive: [{{rule: cascade, reason: of the upper table}}]
 
 def test_a_table_extends_a_packaged_one_key_by_key(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text(STANDING.format(base="treadmill"), encoding="utf-8")
-    base, table = load_gait_table("treadmill"), load_gait_table(path)
+    path.write_text(STANDING.format(base="treadmill_guided"), encoding="utf-8")
+    base, table = load_gait_table("treadmill_guided"), load_gait_table(path)
     assert table.name == "mine"
     assert table.phase_names == (*base.phase_names, "stand")
     changed = table.phases["middle_stance"].joints["hip"]
@@ -659,14 +659,14 @@ def test_a_table_that_extends_nothing_or_itself_is_refused(
 
 def test_transitions_must_be_a_list(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text("schema_version: 2\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
+    path.write_text("schema_version: 2\nextends: treadmill_guided\ntransitions: 7\n", encoding="utf-8")
     with raises(ParameterFileError, "transitions", "list", "7"):
         load_gait_table(path)
 
 
 CHANGED = """\
 schema_version: 2
-extends: treadmill
+extends: treadmill_guided
 transitions:
   - {from: late_stance, to: early_stance, cause: stumble, all: ["hip.angle_deg > 40"]}
   - {from: middle_stance, to: late_stance, cause: hip_extension, all: ["hip.angle_deg < -1.25"]}
@@ -687,7 +687,7 @@ def names(table: GaitTable) -> list[tuple[str, str, str]]:
 def test_a_transition_with_the_same_from_to_and_cause_takes_the_place_of_the_inherited_one(
     tmp_path: Path,
 ) -> None:
-    base, table = load_gait_table("treadmill"), changed(tmp_path)
+    base, table = load_gait_table("treadmill_guided"), changed(tmp_path)
     expected = [name for name in names(base) if name != ("swing_extension", "early_stance", "timeout")]
     assert names(table) == [*expected, ("late_stance", "early_stance", "stumble")]
     index = names(base).index(("middle_stance", "late_stance", "hip_extension"))
@@ -701,7 +701,7 @@ def test_a_transition_with_the_same_from_to_and_cause_takes_the_place_of_the_inh
 def test_a_replaced_value_may_be_inherited_over_two_files(tmp_path: Path) -> None:
     changed(tmp_path)
     path = tmp_path / "above.yaml"
-    path.write_text(CHANGED.replace("treadmill", "mine.yaml").replace("-1.25", "-1.5").replace(
+    path.write_text(CHANGED.replace("treadmill_guided", "mine.yaml").replace("-1.25", "-1.5").replace(
         "{from: swing_extension, to: early_stance, cause: timeout, remove: true}",
         "{from: late_stance, to: early_stance, cause: stumble2, all: [\"hip.angle_deg > 50\"]}",
     ), encoding="utf-8")  # fmt: skip
@@ -716,7 +716,7 @@ def test_a_replaced_value_may_be_inherited_over_two_files(tmp_path: Path) -> Non
     ("old", "new", "key", "explained"),
     [
         ("cause: timeout, remove", "cause: tired, remove", "transitions[2]",
-         "treadmill has no transition swing_extension → early_stance (tired)"),
+         "treadmill_guided has no transition swing_extension → early_stance (tired)"),
         ("remove: true", "remove: maybe", "transitions[2].remove", "maybe"),
         ("remove: true", "remove: true, after_s: 1", "transitions[2]", "after_s"),
         ("from: late_stance, to: early_stance, cause: stumble", "from: middle_stance, to: late_stance, "
@@ -727,7 +727,7 @@ def test_a_replaced_value_may_be_inherited_over_two_files(tmp_path: Path) -> Non
         ("to: early_stance, cause: stumble", "to: early_stance", "transitions[0].cause", "missing"),
         ("transitions:", "waive: [{rule: cascade, reason: so, phase: 5}]\ntransitions:",
          "waive[0].phase", "5"),
-        ("extends: treadmill", "extends: below.yaml",
+        ("extends: treadmill_guided", "extends: below.yaml",
          "transitions[2]", "below.yaml has no transition swing_extension"),
     ],
 )  # fmt: skip
@@ -743,14 +743,14 @@ def test_mistakes_under_extends_name_the_entry_of_the_file_that_was_written(
     path.write_text(text, encoding="utf-8")
     inline = tmp_path / "inline.yaml"
     inline.write_text(
-        yaml.safe_dump({"preset": "treadmill", "table": yaml.safe_load(text)}), encoding="utf-8"
+        yaml.safe_dump({"preset": "treadmill_guided", "table": yaml.safe_load(text)}), encoding="utf-8"
     )
     location = {"table": path, "experiment": path, "inline": f"{inline}: table"}[within]
     with pytest.raises(ParameterFileError) as caught:
         if within == "inline":
             load_experiment(inline)
         elif within == "experiment":
-            load_experiment("treadmill", [f"table={path}"])
+            load_experiment("treadmill_guided", [f"table={path}"])
         else:
             load_gait_table(path)
     check_message(caught.value, f"{location}: {key}", explained)
@@ -775,7 +775,7 @@ def test_removal_requires_a_base_table(tmp_path: Path) -> None:
 def test_an_inline_table_extends_the_named_table_and_not_the_table_of_the_preset(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
-        "preset: treadmill\ntable: {extends: treadmill_start_stop, blending: {duration_ms: 31}}",
+        "preset: treadmill_guided\ntable: {extends: treadmill_start_stop, blending: {duration_ms: 31}}",
         encoding="utf-8",
     )
     table = load_experiment(path).experiment.table
@@ -789,14 +789,15 @@ def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:
     changed(tmp_path)
     settings = ["duration_s=3", f"table={tmp_path / 'mine.yaml'}"]
     switches = [
-        simulate(load_experiment("treadmill", some).experiment).switches for some in (settings[:1], settings)
+        simulate(load_experiment("treadmill_guided", some).experiment).switches
+        for some in (settings[:1], settings)
     ]
     entered = [[item.tick for item in found if item.target == "late_stance"] for found in switches]
     assert entered[0] and entered[0] != entered[1]
 
 
 def test_an_own_waiver_takes_the_place_of_an_inherited_one_for_the_same():
-    base, own = (load_gait_table(name).waivers for name in ("treadmill", "treadmill_ankle"))
+    base, own = (load_gait_table(name).waivers for name in ("treadmill_guided", "treadmill_ankle"))
     reasons = {item.rule: item.reason for item in own if item.phase is item.transition is None}
     inherited = {item.rule: item.reason for item in base if item.phase is item.transition is None}
     assert "orthosis" in reasons["unusual_damping_ratio"] != inherited["unusual_damping_ratio"]

@@ -83,7 +83,8 @@ PLANTED = [
     ("experiment", "sensors.encoder_counts=0", "sensors.encoder_counts"),
     ("experiment", "seed=1.5", "seed"),
     ("experiment", "network={kind: can, loss: 2}", "network.loss"),
-    ("experiment", "table={extends: treadmill, phases: {late_stance: {hip: {stifness_Nm_per_deg: 2}}}}",
+    ("experiment",
+     "table={extends: treadmill_guided, phases: {late_stance: {hip: {stifness_Nm_per_deg: 2}}}}",
      "table.phases.late_stance.hip"),
     ("table", "phases.early_stance.hip.stiffness_Nm_per_deg=-2",
      "phases.early_stance.hip.stiffness_Nm_per_deg"),
@@ -100,7 +101,7 @@ PLANTED = [
 
 @pytest.mark.parametrize(("kind", "planted", "location"), PLANTED, ids=[item[1] for item in PLANTED])
 def test_a_planted_mistake_is_found_at_its_key(kind: str, planted: str, location: str) -> None:
-    path = FOLDER / ("presets" if kind == "experiment" else "tables") / "treadmill.yaml"
+    path = FOLDER / ("presets" if kind == "experiment" else "tables") / "treadmill_guided.yaml"
     document = yaml.safe_load(path.read_text(encoding="utf-8"))
     assert mistakes(kind, document) == []
     keys, value = parse_assignment(planted)

@@ -31,7 +31,7 @@ BASE = {"schema_version": 2, "extends": "twin"}
 
 def limits_of(*settings: str) -> Any:
     """Return the limits of the preset of the treadmill with settings."""
-    return load_experiment("treadmill", settings).experiment.control.limits
+    return load_experiment("treadmill_guided", settings).experiment.control.limits
 
 
 def write(path: Path, **content: Any) -> Path:
@@ -96,7 +96,7 @@ def test_incomplete_common_value_adds_no_joint(tmp_path: Path) -> None:
 
 
 def test_document_of_unequal_limits_is_read_as_the_same_experiment() -> None:
-    experiment = load_experiment("treadmill", ["control.limits.hip.torque_Nm=40"]).experiment
+    experiment = load_experiment("treadmill_guided", ["control.limits.hip.torque_Nm=40"]).experiment
     document = experiment_document(experiment)
     assert set(document["control"]["limits"]) == {"hip", "knee", "ankle"}
     assert experiment_from_mapping(document, "document", Path()) == experiment
@@ -104,7 +104,7 @@ def test_document_of_unequal_limits_is_read_as_the_same_experiment() -> None:
 
 def test_common_value_reaches_joints_whose_sections_have_not_changed() -> None:
     """A batch converts only sections that differ from the experiment before."""
-    before = load_experiment("treadmill", ["control.limits.hip.current_A=12"])
+    before = load_experiment("treadmill_guided", ["control.limits.hip.current_A=12"])
     document = assign(before.document, ["control", "limits", "torque_Nm"], 45)
     after = experiment_from_mapping(document, "batch", Path(), before)
     assert {item.torque for item in after.control.limits.values()} == {45.0}

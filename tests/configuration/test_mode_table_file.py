@@ -86,11 +86,11 @@ def test_the_same_transition_twice_is_refused():
 
 
 def test_either_kind_of_table_is_found_by_its_name():
-    assert load_state_table("treadmill") == load_gait_table("treadmill")
+    assert load_state_table("treadmill_guided") == load_gait_table("treadmill_guided")
     with raises(ParameterError, "flight"):
         load_state_table("flight")
-    with raises(ParameterError, "treadmill", "twin"):
-        load_mode_table("treadmill")
+    with raises(ParameterError, "treadmill_guided", "twin"):
+        load_mode_table("treadmill_guided")
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_mistakes_are_named_with_file_and_key(keys, value, message):
 
 
 def test_document_without_modes_has_no_key_for_modes():
-    document = experiment_document(load_experiment("treadmill").experiment)
+    document = experiment_document(load_experiment("treadmill_guided").experiment)
     assert not {"modes", "requests", "initial_mode"} & set(document)
 
 

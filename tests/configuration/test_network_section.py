@@ -22,16 +22,16 @@ from twin_gait.parameters.network import (
 OUTAGES = ["reboot:left_knee@4.2s=0.3s", "silence@5s=200ms", "silence:ccu@5s", "bus_off:right_hip@3s"]
 
 
-def network_of(*settings: str, preset: str = "treadmill") -> NetworkParameters | None:
+def network_of(*settings: str, preset: str = "treadmill_guided") -> NetworkParameters | None:
     return load_experiment(preset, settings).experiment.network
 
 
 def test_without_the_section_or_with_the_word_ideal_the_bus_is_ideal() -> None:
     for settings in ((), ("network=ideal",), ("network={kind: ideal}",)):
-        loaded = load_experiment("treadmill", settings).experiment
+        loaded = load_experiment("treadmill_guided", settings).experiment
         assert loaded.network is None
         assert experiment_document(loaded)["network"] == "ideal"
-        assert loaded == load_experiment("treadmill").experiment
+        assert loaded == load_experiment("treadmill_guided").experiment
 
 
 def test_the_word_can_selects_the_defaults() -> None:
@@ -42,7 +42,7 @@ def test_the_word_can_selects_the_defaults() -> None:
 def test_values_are_converted_to_si_and_survive_being_written_and_read(tmp_path: Path) -> None:
     path = tmp_path / "bus.yaml"
     path.write_text(
-        "preset: treadmill\n"
+        "preset: treadmill_guided\n"
         "network:\n"
         "  bit_rate_kbit_per_s: 500\n"
         "  cycle_ms: 4\n"
@@ -75,7 +75,7 @@ def test_values_are_converted_to_si_and_survive_being_written_and_read(tmp_path:
 
 def test_a_dbc_file_is_found_next_to_the_experiment(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text('VERSION ""\n')
-    (tmp_path / "bus.yaml").write_text("preset: treadmill\nnetwork: {dbc: own.dbc}\n")
+    (tmp_path / "bus.yaml").write_text("preset: treadmill_guided\nnetwork: {dbc: own.dbc}\n")
     network = load_experiment(tmp_path / "bus.yaml").experiment.network
     assert network is not None and network.dbc == str(tmp_path / "own.dbc")
 
@@ -133,7 +133,7 @@ def test_an_inconsistent_outage_is_refused(text: str, facts: tuple[str, ...]) ->
 )
 def test_mistakes_are_refused_in_one_line_with_a_suggestion(setting: str, facts: tuple[str, ...]) -> None:
     with pytest.raises(TwinGaitError) as caught:
-        load_experiment("treadmill", [setting])
+        load_experiment("treadmill_guided", [setting])
     assert states(str(caught.value), *facts)
     assert len(str(caught.value).splitlines()) == 1
 

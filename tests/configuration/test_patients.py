@@ -32,7 +32,7 @@ FOLDER = Path(str(files("twin_gait.configuration"))) / "patients"
 NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
 
 
-def patient(*settings: str, source: str | Path = "treadmill") -> Patient:
+def patient(*settings: str, source: str | Path = "treadmill_guided") -> Patient:
     found = load_experiment(source, settings).experiment.patient
     assert found is not None
     return found
@@ -98,9 +98,9 @@ def test_setting_in_another_unit_replaces_the_old_one():
 
 @pytest.mark.parametrize("name", sorted(presets()))
 def test_wearer_of_every_shipped_experiment_makes_no_effort(name):
-    """The wearer is mass alone, but for the passive moments of treadmill_straps."""
+    """The wearer is mass alone, but for the passive moments of treadmill."""
     found = load_experiment(name).experiment.patient
-    assert found is None or found.is_torque_free or name == "treadmill_straps"
+    assert found is None or found.is_torque_free or name == "treadmill"
     assert found is None or all(condition.effort == 0.0 for condition in found.conditions.values())
 
 
@@ -130,7 +130,7 @@ MISTAKES = {
 @pytest.mark.parametrize("setting", MISTAKES)
 def test_mistake_is_one_line_with_key_value_and_suggestion(setting):
     with raises(TwinGaitError, *MISTAKES[setting]) as caught:
-        load_experiment("treadmill", [setting])
+        load_experiment("treadmill_guided", [setting])
     assert len(str(caught.value).splitlines()) == 1
 
 
@@ -208,9 +208,9 @@ def test_settings_change_a_named_person_in_any_order():
 
 def test_file_names_a_person_with_changes_or_a_person_file(file):
     own_file = file("mine.yaml", "description: mine\nmass_kg: 61\nboth: {knee: {passive: 0.5}}\n")
-    by_name = file("a.yaml", "schema_version: 2\npreset: treadmill\npatient: stroke_left\n")
-    changed = file("b.yaml", "preset: treadmill\npatient: {preset: stroke_left, height_m: 1.6}\n")
-    beside = file("c.yaml", "preset: treadmill\npatient: mine.yaml\n")
+    by_name = file("a.yaml", "schema_version: 2\npreset: treadmill_guided\npatient: stroke_left\n")
+    changed = file("b.yaml", "preset: treadmill_guided\npatient: {preset: stroke_left, height_m: 1.6}\n")
+    beside = file("c.yaml", "preset: treadmill_guided\npatient: mine.yaml\n")
     stroke = patient("patient=stroke_left")
     assert patient(source=by_name) == stroke
     assert patient(source=changed).conditions == stroke.conditions
@@ -220,7 +220,7 @@ def test_file_names_a_person_with_changes_or_a_person_file(file):
 
 
 def test_named_person_replaces_another_completely(file):
-    base = file("base.yaml", "preset: treadmill\npatient: stroke_left\n")
+    base = file("base.yaml", "preset: treadmill_guided\npatient: stroke_left\n")
     assert patient("patient=complete_sci", source=base) == patient("patient=complete_sci")
 
 
@@ -233,25 +233,28 @@ def test_named_person_replaces_another_completely(file):
         ("{effort_delay_ms: 5, effort_delay_s: 1}", ("mine.yaml", "line 1", "effort_delay_ms")),
         ("[1, 2]", ("mine.yaml",)),
         ("preset: healthy", ("mine.yaml", "preset")),
-        ("{preset: treadmill, patient: {mass_kg: 60}}", ("mine.yaml", "preset")),
+        ("{preset: treadmill_guided, patient: {mass_kg: 60}}", ("mine.yaml", "preset")),
     ],
 )
 def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):
     with raises(ParameterFileError, *message):
-        load_experiment("treadmill", [f"patient={file('mine.yaml', text)}"])
+        load_experiment("treadmill_guided", [f"patient={file('mine.yaml', text)}"])
 
 
 def test_a_gait_table_is_exchanged_by_name_in_a_batch():
-    base = load_experiment("treadmill").experiment
+    base = load_experiment("treadmill_guided").experiment
     key = "table.phases.pre_swing.minimum_duration_ms"
     found = override_experiment(base, {key: 20, "table": "treadmill_pre_swing"}).table
-    assert found == load_experiment("treadmill", ["table=treadmill_pre_swing", f"{key}=20"]).experiment.table
+    assert (
+        found
+        == load_experiment("treadmill_guided", ["table=treadmill_pre_swing", f"{key}=20"]).experiment.table
+    )
     with raises(ParameterFileError, "override", "table", "x"):
         override_experiment(base, {"table": "x"})
 
 
 def test_person_is_exchanged_by_name_in_a_batch():
-    base = load_experiment("treadmill", ["patient=stroke_left"]).experiment
+    base = load_experiment("treadmill_guided", ["patient=stroke_left"]).experiment
     assert override_experiment(base, {"patient": "healthy"}).patient == patient("patient=healthy")
     heavy = override_experiment(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
     assert override_experiment(base, {"patient.mass_kg": 90, "patient": "healthy"}).patient == heavy
@@ -265,7 +268,7 @@ def test_person_is_exchanged_by_name_in_a_batch():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_person_survives_being_written_and_read(name):
-    loaded = load_experiment("treadmill", [f"patient={name}", "control.patient.mass_kg=65"])
+    loaded = load_experiment("treadmill_guided", [f"patient={name}", "control.patient.mass_kg=65"])
     assert reread(experiment_document(loaded.experiment)) == loaded.experiment
     assert reread(loaded.document) == loaded.experiment
     as_kept = reread(resolved_document(loaded.experiment, loaded.document, {}))
@@ -287,7 +290,7 @@ def test_segments_of_winter_survive_being_written_and_change_the_run():
 
 
 def test_written_wearer_omits_inactive_conditions():
-    document = experiment_document(load_experiment("treadmill").experiment)["patient"]
+    document = experiment_document(load_experiment("treadmill_guided").experiment)["patient"]
     assert not {"both", "left", "right"} & set(document)
 
 
@@ -311,7 +314,7 @@ def test_running_a_written_person_again_gives_the_same_log():
 def test_people_are_listed_and_printed_as_editable_files(capsys, tmp_path):
     assert main(["presets"]) == 0
     listed = capsys.readouterr().out
-    assert all(name in listed for name in (*NAMES, "treadmill", "osl_walking"))
+    assert all(name in listed for name in (*NAMES, "treadmill_guided", "osl_walking"))
     assert main(["presets", "stroke_left"]) == 0
     (tmp_path / "edited.yaml").write_text(capsys.readouterr().out)
     assert patient(f"patient={tmp_path / 'edited.yaml'}") == patient("patient=stroke_left")
@@ -319,7 +322,7 @@ def test_people_are_listed_and_printed_as_editable_files(capsys, tmp_path):
 
 def test_wrong_person_ends_in_one_line_and_makes_no_folder(capsys, tmp_path):
     out = tmp_path / "run"
-    assert main(["simulate", "treadmill", "--set", "patient=nobody", "--out", str(out)]) == 2
+    assert main(["simulate", "treadmill_guided", "--set", "patient=nobody", "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert len(error.strip().splitlines()) == 1
     assert states(error, "nobody")

@@ -42,7 +42,9 @@ def write(folder, *frames: pd.DataFrame, name: str = "people_phase.parquet"):
 
 
 def experiment_with(path, **more: str) -> Experiment:
-    return load_experiment("treadmill", [f"reference={dump_yaml({'file': str(path), **more})}"]).experiment
+    return load_experiment(
+        "treadmill_guided", [f"reference={dump_yaml({'file': str(path), **more})}"]
+    ).experiment
 
 
 def test_the_mean_and_deviation_of_one_person_are_those_of_the_strides(tmp_path):
@@ -74,7 +76,7 @@ def test_several_files_of_own_trials_are_one_reference(tmp_path):
     write(tmp_path, locohub_frame(2, subject="P03"), name="one.parquet")
     write(tmp_path, locohub_frame(2, subject="P03", shift=0.1), name="two.parquet")
     file = tmp_path / "walk.yaml"
-    file.write_text("preset: treadmill\nreference: [one.parquet, two.parquet]\n")
+    file.write_text("preset: treadmill_guided\nreference: [one.parquet, two.parquet]\n")
     found = load_experiment(file).experiment.reference
     assert found.strides == 4 and found.subjects == 1 and found.source == "one.parquet, two.parquet"
     np.testing.assert_allclose(found.angles(HIP), hip_curve(0.05), atol=1e-6)
@@ -118,7 +120,7 @@ def test_errors_and_measures_are_those_against_the_measured_gait(tmp_path):
 def test_a_measured_gait_is_a_reference_where_the_regression_has_none(tmp_path):
     path = write(tmp_path, locohub_frame(2))
     settings = ["scenario.belt_speed_km_per_h=6", f"reference={path}"]
-    fast = load_experiment("treadmill", settings).experiment
+    fast = load_experiment("treadmill_guided", settings).experiment
     np.testing.assert_allclose(reference_cycle(fast, HIP), hip_curve(), atol=1e-6)
     assert reference_cycle(replace(fast, reference=None), HIP) is None
 
@@ -146,7 +148,7 @@ def test_mistakes_are_refused_in_one_line(tmp_path, capsys):
         f"{{file: {tmp_path / 'walk.csv'}}}": ("walk.csv", "LocoHub"),
     }.items():
         (tmp_path / "walk.csv").write_text("time,hip\n0,1\n")
-        assert main(["simulate", "treadmill", "--set", f"reference={reference}"]) == 2
+        assert main(["simulate", "treadmill_guided", "--set", f"reference={reference}"]) == 2
         message = capsys.readouterr().err
         assert states(message, *facts) and message.count("\n") == 1
 
@@ -156,7 +158,7 @@ def test_curves_of_a_wrong_length_are_refused(tmp_path):
         ReferenceGait(source="own", strides=1, subjects=1, mean={HIP: (0.0, 0.1, 0.0)})
     file = tmp_path / "walk.yaml"
     curve = {"source": "own", "strides": 1, "subjects": 1, "mean_rad": {"hip": [0.0] * 100}}
-    file.write_text(dump_yaml({"preset": "treadmill", "reference": curve}))
+    file.write_text(dump_yaml({"preset": "treadmill_guided", "reference": curve}))
     with raises(ParameterFileError, "walk.yaml", "reference", "101", "100"):
         load_experiment(file)
 
@@ -164,7 +166,7 @@ def test_curves_of_a_wrong_length_are_refused(tmp_path):
 def test_a_run_with_a_reference_is_saved_and_read(tmp_path):
     path = write(tmp_path, locohub_frame(2))
     settings = [f"reference={path}", "engine=pinocchio", "duration_s=0.02"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     saved = save_run(run, tmp_path / "run", pictures=False)
     path.unlink()
     stored = load_run(saved).experiment.reference

@@ -20,7 +20,7 @@ KNEE = f"{PHASES}.knee"
 PATH = "experiment.table.phases.middle_stance.joints.knee"
 
 
-def load(events: str, *more: str, preset: str = "treadmill") -> LoadedExperiment:
+def load(events: str, *more: str, preset: str = "treadmill_guided") -> LoadedExperiment:
     return load_experiment(preset, [f"events={events}", *more])
 
 
@@ -65,17 +65,17 @@ def test_written_events_are_read_back_equal():
     experiment = load(events).experiment
     document = experiment_document(experiment)
     assert document["events"][1] == {"time_s": 0.7, "step": True}
-    again = load_experiment("treadmill", [f"events={document['events']}"]).experiment
+    again = load_experiment("treadmill_guided", [f"events={document['events']}"]).experiment
     assert again.events == experiment.events
 
 
 def test_every_changeable_key_is_accepted_by_set():
-    plain = load_experiment("treadmill").experiment
+    plain = load_experiment("treadmill_guided").experiment
     for key, target in changeable_keys(plain).items():
         if target.item is None or key.startswith(("monitor", "table.sides")):
             continue
         value = target.item.range.maximum / target.factor if target.item.range.maximum < 1e4 else 0.5
-        direct = load_experiment("treadmill", [f"{key}={value!r}"]) if "belt" not in key else None
+        direct = load_experiment("treadmill_guided", [f"{key}={value!r}"]) if "belt" not in key else None
         (event,) = load(f"[{{time_s: 1, set: {{{key}: {value!r}}}}}]").experiment.events
         if direct is not None:
             record = direct.experiment
@@ -116,4 +116,4 @@ def test_mistakes_are_one_line_with_file_key_and_value(events: str, facts: tuple
     with pytest.raises(ParameterFileError) as caught:
         load(events.replace("AT", "time_s: 1,"))
     text = str(caught.value)
-    assert states(text, "treadmill", "--set", *facts) and "\n" not in text
+    assert states(text, "treadmill_guided", "--set", *facts) and "\n" not in text

@@ -73,7 +73,7 @@ def test_zero_padded_angles_of_a_gait_table_are_decimal(tmp_path: Path) -> None:
 )
 def test_text_is_neither_number_nor_truth_value(setting: str, explained: tuple[object, ...]) -> None:
     with raises(ParameterFileError, *explained):
-        load_experiment("treadmill", [setting])
+        load_experiment("treadmill_guided", [setting])
 
 
 def test_a_decimal_comma_between_braces_is_named() -> None:

@@ -96,7 +96,7 @@ SHARES = (0.0, 1.0, 0.4)  # of the gravity compensation
 @pytest.fixture(scope="module")
 def legs() -> Episode:
     """Two legs that have long been in their first phase, with the parameters above."""
-    _, e, _ = assemble(build_setup(load_experiment("treadmill").experiment))
+    _, e, _ = assemble(build_setup(load_experiment("treadmill_guided").experiment))
     e.recording.most_switches = 0  # no switch can be recorded
     for joint in e.controller.joints:
         joint.setpoints[:3] = SETPOINTS

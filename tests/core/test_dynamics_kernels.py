@@ -69,7 +69,7 @@ def test_a_model_of_more_joints_than_the_limit_is_refused():
 def test_the_largest_model_of_an_experiment_is_within_the_limit():
     """Every joint of both sides, on a pelvis that pitches in a harness, with the wearer in braces."""
     settings = ["patient.mass_kg=70", "interface=brace", "scenario.support.pitch=soft"]
-    case = load_experiment("treadmill", settings).experiment
+    case = load_experiment("treadmill_guided", settings).experiment
     world = case.build_world()
     assert world.model.nv == len(Side) * len(JointName) + 3
     assert len(world.start_q) == 2 * world.model.nv <= kernel.STRAIGHT_LINE_LIMIT
@@ -207,7 +207,7 @@ def test_an_edit_of_any_source_changes_the_key(copied_sources):
     assert len(set(keys)) == len(keys) == len(sources) + 2
 
 
-@pytest.mark.parametrize("preset", ["bench_leg", "treadmill", "overground"])
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill_guided", "overground"])
 def test_every_compiled_function_is_in_a_hashed_source(preset):
     settings = ["control.mode=position", "control.assistance.adaptive=true"]
     problem = build_setup(load_experiment(preset, settings).experiment)

@@ -85,11 +85,11 @@ def keys_of(summary: dict, before: str = "") -> set[str]:
 @pytest.mark.parametrize(
     ("preset", "settings"),
     [
-        ("treadmill", ["interface=brace"]),
-        ("treadmill", ["network={}"]),
+        ("treadmill", []),
+        ("treadmill_guided", ["network={}"]),
         pytest.param("overground", [], marks=pytest.mark.slow),
         ("bench_leg", []),
-        pytest.param("treadmill", ["faults=['supply_loss_shorted@3s']"], marks=pytest.mark.slow),
+        pytest.param("treadmill_guided", ["faults=['supply_loss_shorted@3s']"], marks=pytest.mark.slow),
     ],
     ids=["braces", "bus", "overground", "bench", "supply"],
 )

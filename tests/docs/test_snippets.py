@@ -79,9 +79,9 @@ def blocks(language: str) -> list[pytest.param]:
 def user_files(tmp_path_factory):
     """Return a folder with the files that the pages use: tables, experiments, a run, logs, a small sweep."""
     folder = tmp_path_factory.mktemp("desk")
-    shutil.copy(CONFIGURATION / "tables" / "treadmill.yaml", folder / "my_table.yaml")
+    shutil.copy(CONFIGURATION / "tables" / "treadmill_guided.yaml", folder / "my_table.yaml")
     shutil.copy(CONFIGURATION / "modes" / "twin.yaml", folder / "my_modes.yaml")
-    shutil.copy(CONFIGURATION / "presets" / "treadmill.yaml", folder / "mine.yaml")
+    shutil.copy(CONFIGURATION / "presets" / "treadmill_guided.yaml", folder / "mine.yaml")
     shutil.copy(CONFIGURATION / "devices" / "twin.yaml", folder / "my_device.yaml")
     spec = yaml.safe_load((ROOT / "examples" / "sweep.yaml").read_text(encoding="utf-8"))
     spec["parameters"] = {"patient.mass_kg": [65, 75]}
@@ -100,7 +100,7 @@ def user_files(tmp_path_factory):
     head = f"walk\nnRows={len(motion)}\nnColumns=5\ninDegrees=yes\nendheader\n"
     (folder / "walk.mot").write_text(head + motion.to_csv(sep="\t", index=False), encoding="utf-8")
     out = ("--out", str(folder / "runs" / "walk"))
-    assert main(["simulate", "--duration", "8", "--no-pictures", *out]) == 0
+    assert main(["simulate", "treadmill_guided", "--duration", "8", "--no-pictures", *out]) == 0
     own = folder / "own.parquet"
     assert main(["export", str(folder / "runs" / "walk"), "--format", "locohub", "--out", str(own)]) == 0
     for name in ("trial1", "trial2"):
@@ -185,9 +185,9 @@ def test_yaml_loads(block, user_files, tmp_path, monkeypatch):
     data = yaml.safe_load(block)
     path = Path("mine.yaml")
     if isinstance(data, list):
-        data = {"schema_version": 2, "extends": "treadmill", "name": "mine", "transitions": data}
+        data = {"schema_version": 2, "extends": "treadmill_guided", "name": "mine", "transitions": data}
     elif "schema_version" not in data and not isinstance(data.get("modes"), dict):
-        name = "overground.yaml" if "modes" in data else "treadmill.yaml"
+        name = "overground.yaml" if "modes" in data else "treadmill_guided.yaml"
         preset = CONFIGURATION / "presets" / name
         data = laid_over(yaml.safe_load(preset.read_text(encoding="utf-8")), data)
     path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")

@@ -22,7 +22,7 @@ def test_without_casadi_one_line_names_the_extra_to_install(monkeypatch, capsys)
 def test_an_optimum_is_replayed_and_beats_the_table():
     pytest.importorskip("casadi", reason="needs casadi: pip install 'twin-gait[floor]'")
     settings = page.settings_of("vertical")
-    table = simulate(load_experiment("treadmill", settings).experiment)
+    table = simulate(load_experiment("treadmill_guided", settings).experiment)
     search = page.search_of(settings, 80)  # with fewer the replay leaves the solution by more than 0.1°
     goals = programme.NOTHING._replace(peak=1.2)
     found = search.solve(search.start_from(table), page.WEIGHTS[0], goals)

@@ -10,7 +10,7 @@ from twin_gait import Run, load_experiment, simulate
 
 
 def walk(*settings: str) -> Run:
-    return simulate(load_experiment("treadmill", ["duration_s=4", *settings]).experiment)
+    return simulate(load_experiment("treadmill_guided", ["duration_s=4", *settings]).experiment)
 
 
 @pytest.mark.parametrize("regeneration", [0.0, 0.7])
@@ -37,7 +37,7 @@ def test_gears_without_losses_have_none_and_the_work_of_friction_is_that_of_the_
 def test_power_that_motors_pass_on_is_at_most_that_of_the_brakes() -> None:
     found = page.exchange(walk())
     assert 0.0 < found["passed_on_W"] <= min(found["driving_W"], found["braking_W"])
-    table = load_experiment("treadmill").experiment
+    table = load_experiment("treadmill_guided").experiment
     halved = page.each_phase(table, "friction_compensation_gain", 0.5)
     assert len(halved) == 10
     gain = table.table.phases["late_stance"].joints["hip"].friction_compensation_gain

@@ -121,7 +121,7 @@ def test_blend_of_zero_duration_is_a_step_for_every_law(law: str) -> None:
 def test_blends_hold_each_law_at_each_duration_once_and_the_shipped_one() -> None:
     assert len(set(BLENDS)) == len(BLENDS) == 7
     assert {duration for law, duration in BLENDS if law == LINEAR} == {25, 60, 140}
-    shipped = load_experiment("treadmill").experiment.table.blending
+    shipped = load_experiment("treadmill_guided").experiment.table.blending
     assert (shipped.law, shipped.duration_ticks) in BLENDS
 
 
@@ -162,7 +162,7 @@ def test_order_of_the_laws_does_not_depend_on_the_filter(
 @pytest.mark.parametrize("angle", [-0.1, 0.152, 0.9])
 def test_softening_knee_with_moving_equilibrium_overshoots_by_a_known_torque(angle: float) -> None:
     """Halfway through a linear blend the torque is Δk Δθ0 / 4 below the mean of its ends, at any angle."""
-    phases = load_experiment("treadmill").experiment.table.phases
+    phases = load_experiment("treadmill_guided").experiment.table.phases
     old, new = (phases[name].joints["knee"] for name in ("middle_stance", "late_stance"))
     start, middle, end = (
         impedance_torque(
@@ -227,7 +227,7 @@ def test_outcomes_are_counted_by_blending_law() -> None:
 def test_stored_results_match_the_default_walk() -> None:
     """The shipped blending, within what another machine's last bits may do."""
     kept = json.loads(RESULTS.read_text())
-    shipped = load_experiment("treadmill").experiment.table.blending
+    shipped = load_experiment("treadmill_guided").experiment.table.blending
     case = (str(shipped.law), shipped.duration_ticks)
     expected = kept["measures"]["_".join(map(str, case))]
     for name, value in measures(walk(case, 20.0)).items():

@@ -55,7 +55,7 @@ def test_a_row_counts_walking_people_and_a_sentence_names_the_others() -> None:
     )
     walks.loc[9, ["outcome", "duration_s"]] = ["fell", 12.0]
     walks.loc[:8, "left_rmse_hip_by_contact_deg"] = [float(4 + number) for number in range(9)]
-    row = cohort_row("treadmill", 11, walks)
+    row = cohort_row("treadmill_guided", 11, walks)
     assert row["walk"] == "9 of 10 (90.0%)"
     share, z, n = 0.9, 1.959964, 10  # Wilson's interval by hand
     centre = (share + z * z / (2 * n)) / (1 + z * z / n)
@@ -63,8 +63,8 @@ def test_a_row_counts_walking_people_and_a_sentence_names_the_others() -> None:
     assert row["95 % interval"] == f"{centre - reach:.1%} to {centre + reach:.1%}"
     assert (row["hip [°]"], row["knee [°]"], row["others"]) == ("8.0", "4.0", "1 fell")
     people = [{"patient.mass_kg": 80.0, "patient.height_m": 1.8}] * 10
-    (sentence,) = failures("treadmill", 11, walks, people)
-    assert sentence == "treadmill, seed 11, number 9: mass alone, 80 kg, 1.80 m fell after 12.0 s"
+    (sentence,) = failures("treadmill_guided", 11, walks, people)
+    assert sentence == "treadmill_guided, seed 11, number 9: mass alone, 80 kg, 1.80 m fell after 12.0 s"
 
 
 def test_powers_of_a_wearer_add_up_to_their_work() -> None:
@@ -92,7 +92,7 @@ def test_a_row_of_the_robustness_map_equals_its_single_walk() -> None:
         ["mass_kg", "height_m", "support_share", "speed_m_per_s"], ascending=[0, 1, 1, 0]
     )
     row = worst.iloc[0]
-    base = load_experiment("treadmill", ["duration_s=20"]).experiment
+    base = load_experiment("treadmill_guided", ["duration_s=20"]).experiment
     changes = {
         "patient.mass_kg": row["mass_kg"],
         "patient.height_m": row["height_m"],
@@ -162,21 +162,23 @@ def test_heavy_population_is_limited_by_the_load_capacity_of_the_device():
 
 
 def test_cohort_has_the_properties_of_its_pattern():
-    stroke = load_experiment("treadmill", ["patient=stroke_left"]).experiment.patient
+    stroke = load_experiment("treadmill_guided", ["patient=stroke_left"]).experiment.patient
     drawn = cohort(3, 2, like=stroke)
     assert all(item.conditions == stroke.conditions for item in drawn)
     assert len({item.mass for item in drawn}) == 3
 
 
 def test_sizes_of_a_cohort_are_changes_of_an_experiment():
-    base = load_experiment("treadmill", ["patient=healthy"]).experiment
+    base = load_experiment("treadmill_guided", ["patient=healthy"]).experiment
     drawn = cohort(4, 3, like=base.patient)
     assert [override_experiment(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
 
 
 def test_every_drawn_person_fits_the_device(population):
     for item in (min(population, key=lambda p: p.height), max(population, key=lambda p: p.height)):
-        load_experiment("treadmill", [f"{k}={v}" for k, v in sizes_of(item).items()]).experiment.build_world()
+        load_experiment(
+            "treadmill_guided", [f"{k}={v}" for k, v in sizes_of(item).items()]
+        ).experiment.build_world()
 
 
 def test_an_empty_cohort_is_refused():

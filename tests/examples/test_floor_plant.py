@@ -23,7 +23,7 @@ def test_acceleration_in_the_air_equals_pinocchio(guide):
     # What a gear loses hangs on the acceleration; examples/validation.py has MuJoCo for that.
     lossless = [f"plant.actuators.{joint}.gear_efficiency=1" for joint in ("hip", "knee")]
     settings = [f"scenario.support.guide={guide}", *lossless]
-    problem = build_setup(load_experiment("treadmill", settings).experiment)
+    problem = build_setup(load_experiment("treadmill_guided", settings).experiment)
     world, generator = problem.world, np.random.default_rng(1)
     model, data = world.model.model.copy(), world.model.model.createData()
     motion = equations_of_motion(problem, {})
@@ -59,7 +59,7 @@ def test_acceleration_in_the_air_equals_pinocchio(guide):
 
 
 def test_laws_passed_as_arguments_replace_the_laws_of_core():
-    problem = build_setup(load_experiment("treadmill").experiment)
+    problem = build_setup(load_experiment("treadmill_guided").experiment)
     n = len(problem.world.start_q)
     laws = {"ground_contact_force": lambda ground, stiffness, dissipation, *motion: (1.0, stiffness)}
     found = equations_of_motion(problem, laws)(problem.world.start_q.tolist(), *[[0.0] * n] * 3)

@@ -25,7 +25,7 @@ def test_indices_are_those_of_the_ishigami_function() -> None:
 
 
 def test_the_middle_values_are_those_of_the_default_walk_and_each_end_changes_it() -> None:
-    base = load_experiment("treadmill").experiment
+    base = load_experiment("treadmill_guided").experiment
     nominal = page.changes_of({item: item.nominal for item in page.ASSUMPTIONS})
     document = override_experiment(base, nominal)
     assert document.plant == base.plant and document.scenario == base.scenario
@@ -40,7 +40,7 @@ def test_the_middle_values_are_those_of_the_default_walk_and_each_end_changes_it
 def test_soles_of_another_length_move_heel_and_toe() -> None:
     with page.other_soles() as soles:
         for label, settings in soles.items():
-            leg = load_experiment("treadmill", settings).experiment.leg
+            leg = load_experiment("treadmill_guided", settings).experiment.leg
             text = Path(leg.urdf).read_text(encoding="utf-8")
             ratio = page.SOLES[label]
             assert text.count(f'xyz="{0.17 * ratio:.4f} 0 -0.08"') == 2

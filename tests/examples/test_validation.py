@@ -48,7 +48,7 @@ def test_another_gravity_in_the_closed_form_is_detected(monkeypatch):
     assert checks.free_leg("rk4", 0.25)[1] > 1e3 * ROUNDING
 
 
-@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill_guided"])
 def test_another_thigh_in_mujoco_is_detected(preset, monkeypatch):
     mujoco_legs = pytest.importorskip("crosscheck.mujoco_legs")
     original = mujoco_legs.legs_of

@@ -50,7 +50,7 @@ def tripped():
         "control.target_torque_Nm.hip=3",
         "sensors.ideal=false",
     ]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     assert run.trip is not None and str(run.trip.cause) == "encoder_frozen"
     return run
 

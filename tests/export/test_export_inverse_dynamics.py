@@ -127,7 +127,7 @@ def powered_ankle(tmp_path_factory):
     return exported_walk(tmp_path_factory, 0.0, "treadmill_ankle", ["plant.ankle.stiffness_Nm_per_rad=20"])
 
 
-def exported_walk(tmp_path_factory, slope, preset="treadmill", more=()):
+def exported_walk(tmp_path_factory, slope, preset="treadmill_guided", more=()):
     folder = tmp_path_factory.mktemp("opensim")
     settings = [f"duration_s={SECONDS}", f"scenario.slope_deg={slope}"]
     run = simulate(load_experiment(preset, [*settings, *more]).experiment)
@@ -293,7 +293,7 @@ def test_the_model_of_rajagopal_bends_its_knee_the_other_way(walk, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("device", [False, True])
 def test_with_braces_the_bodies_are_the_wearers_or_the_devices(tmp_path, device):
-    run = simulate(load_experiment("treadmill", ["interface=brace", "duration_s=2"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["interface=brace", "duration_s=2"]).experiment)
     export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392, device=device)
     folder = Folder(tmp_path, run)
     braces = run.experiment.build_world().braces
@@ -307,7 +307,7 @@ def test_with_braces_the_bodies_are_the_wearers_or_the_devices(tmp_path, device)
 
 def test_friction_of_a_belt_stopped_by_a_trip_is_exported(tmp_path):
     fault = "faults=['encoder_freeze:left_knee@2s']"
-    run = simulate(load_experiment("treadmill", [fault, "duration_s=4"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", [fault, "duration_s=4"]).experiment)
     assert run.trip is not None and run.trip.time < 3.0
     export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)
     folder = Folder(tmp_path, run)
@@ -342,7 +342,9 @@ def test_a_log_of_one_row_is_refused(walk, tmp_path):
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "walk"
-    assert main(["simulate", "--duration", "3", "--out", str(folder), "--no-pictures"]) == 0
+    assert (
+        main(["simulate", "treadmill_guided", "--duration", "3", "--out", str(folder), "--no-pictures"]) == 0
+    )
     assert main(["export", str(folder), "--format", "opensim"]) == 0
     return folder
 

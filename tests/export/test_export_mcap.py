@@ -39,7 +39,7 @@ def read_mcap(path) -> tuple[pd.DataFrame, dict[str, set[str]]]:
     "settings", [["duration_s=0.3"], ["duration_s=0.05", "interface=brace", "network=can"]]
 )
 def test_the_file_is_the_log_bit_for_bit(tmp_path, settings):
-    log = simulate(load_experiment("treadmill", [*settings, "engine=pinocchio"]).experiment).log
+    log = simulate(load_experiment("treadmill_guided", [*settings, "engine=pinocchio"]).experiment).log
     export_mcap(log, tmp_path / "log.mcap")
     found, encodings = read_mcap(tmp_path / "log.mcap")
     assert set(found) == set(log) and len(found) == len(log) and len(log) >= 50
@@ -74,7 +74,7 @@ def test_columns_are_grouped_by_the_part_of_the_device():
 def test_a_run_is_exported_from_the_terminal(tmp_path, capsys, monkeypatch):
     settings = ["duration_s=0.05", "engine=pinocchio"]
     folder = save_run(
-        simulate(load_experiment("treadmill", settings).experiment), tmp_path / "run", pictures=False
+        simulate(load_experiment("treadmill_guided", settings).experiment), tmp_path / "run", pictures=False
     )
     assert main(["export", str(folder), "--format", "mcap"]) == 0
     assert capsys.readouterr().out.strip() == str(folder / "log.mcap")

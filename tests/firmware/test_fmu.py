@@ -47,14 +47,14 @@ def log_of(run, names):
 
 @pytest.fixture(scope="module")
 def experiment():
-    return loaded("treadmill")
+    return loaded("treadmill_guided")
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """Return the folder that the command writes."""
     out = tmp_path_factory.mktemp("command") / "fmus"
-    assert main(["firmware", "treadmill", "--target", "fmu", "--out", str(out)]) == 0
+    assert main(["firmware", "treadmill_guided", "--target", "fmu", "--out", str(out)]) == 0
     return out
 
 
@@ -215,7 +215,7 @@ def test_the_status_has_the_codes_of_the_simulation(fmus):
 
 
 def test_the_command_does_not_verify_units(tmp_path, capsys):
-    words = ["firmware", "treadmill", "--target", "fmu", "--verify", "--out", str(tmp_path / "fmus")]
+    words = ["firmware", "treadmill_guided", "--target", "fmu", "--verify", "--out", str(tmp_path / "fmus")]
     assert main(words) == 2
     assert "--verify" in capsys.readouterr().err and not (tmp_path / "fmus").exists()
 
@@ -252,7 +252,7 @@ def test_the_command_writes_sources_and_states_the_numbers_of_variables(written)
 )
 def test_plants_without_an_fmu_are_rejected_by_key(changes, facts):
     with raises(FirmwareError, *facts):
-        plant_fmu(load_experiment("treadmill", changes).experiment)
+        plant_fmu(load_experiment("treadmill_guided", changes).experiment)
 
 
 def test_a_person_who_announces_steps_has_no_fmu():
@@ -264,10 +264,10 @@ def test_a_person_who_announces_steps_has_no_fmu():
 OTHERS = (
     *("bench_leg", "treadmill_ankle", "treadmill_start_stop", "overground", "sit_to_stand", "stand_to_sit"),
     *("hip_exoskeleton", "knee_orthosis", "osl_prosthesis", "sup_prosthesis"),
-    "treadmill integration.method=semi_implicit_euler",
-    "treadmill patient=incomplete_sci patient.effort_noise=0",
-    "treadmill scenario.support.pitch=soft",
-    "treadmill scenario.support.pitch=soft interface=brace",
+    "treadmill_guided integration.method=semi_implicit_euler",
+    "treadmill_guided patient=incomplete_sci patient.effort_noise=0",
+    "treadmill_guided scenario.support.pitch=soft",
+    "treadmill_guided scenario.support.pitch=soft interface=brace",
 )
 
 

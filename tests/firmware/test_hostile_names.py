@@ -40,15 +40,15 @@ def test_code_from_text_is_run_in_known_places_only():
 @pytest.mark.parametrize("hostile", [HOSTILE, "*/ #include <x> /*"])
 def test_names_of_a_table_reach_neither_the_kernel_nor_the_c(tmp_path, monkeypatch, hostile):
     monkeypatch.chdir(tmp_path)
-    shipped = yaml.safe_load((PACKAGE / "configuration" / "tables" / "treadmill.yaml").read_text())
+    shipped = yaml.safe_load((PACKAGE / "configuration" / "tables" / "treadmill_guided.yaml").read_text())
     document = renamed(shipped, "middle_stance", hostile)
     document["name"] = hostile
     table = tmp_path / "table.yaml"
     table.write_text(yaml.safe_dump(document, sort_keys=False))
-    experiment = load_experiment("treadmill", [f"table={table}", "duration_s=0.05"]).experiment
+    experiment = load_experiment("treadmill_guided", [f"table={table}", "duration_s=0.05"]).experiment
     assert hostile in experiment.table.phases
     project = print_project(experiment)
-    expected = print_project(load_experiment("treadmill").experiment)
+    expected = print_project(load_experiment("treadmill_guided").experiment)
     assert project.exoskeleton.kernel == expected.exoskeleton.kernel
     assert project.program.files == expected.program.files
     simulate(experiment)

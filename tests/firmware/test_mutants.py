@@ -34,7 +34,7 @@ RESULTS = Path(firmware.__file__).parent / "results" / "firmware" / "results.jso
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("firmware") / "c"
-    assert main(["firmware", "--out", str(out)]) == 0
+    assert main(["firmware", "treadmill_guided", "--out", str(out)]) == 0
     return out
 
 

@@ -79,7 +79,7 @@ STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconvers
 
 @pytest.fixture(scope="module")
 def guards() -> Any:
-    return compile_guards(load_gait_table("treadmill"))
+    return compile_guards(load_gait_table("treadmill_guided"))
 
 
 @pytest.fixture(scope="module")
@@ -254,7 +254,7 @@ DEVICE_STEPS = [item for item in functions_of(device_schedule) if item.__name__ 
 
 @pytest.fixture(scope="module")
 def device() -> Device:
-    problem = build_setup(load_experiment("treadmill", ["control.assistance.hip=0.7"]).experiment)
+    problem = build_setup(load_experiment("treadmill_guided", ["control.assistance.hip=0.7"]).experiment)
     kernel, episode, constants = assemble(problem)
     structure = {**constants, **problem.controller.tick_functions()}
     text = write_control_gravity(kernel[2], kernel[3])

@@ -42,11 +42,11 @@ from twin_gait.simulation.record import deep_copy
 STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 # Of each kind of code one; other numbers in the records are other numbers only.
 SHIPPED = {
-    "treadmill": ("treadmill",),
+    "treadmill_guided": ("treadmill_guided",),
     "treadmill_ankle": ("treadmill_ankle",),
     "treadmill_start_stop": ("treadmill_start_stop",),
     "bench_leg": ("bench_leg",),
-    "inertia and network": ("treadmill", "control.inertia_compensation=0.5", "network={kind: can}"),
+    "inertia and network": ("treadmill_guided", "control.inertia_compensation=0.5", "network={kind: can}"),
 }
 FUZZ = Path(__file__).with_name("fuzz.c")
 MODES_TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
@@ -78,7 +78,7 @@ def printed(request, tmp_path_factory) -> Printed:
 
 @pytest.fixture(scope="module")
 def treadmill() -> Project:
-    return print_project(load_experiment("treadmill").experiment)
+    return print_project(load_experiment("treadmill_guided").experiment)
 
 
 # ------------------------------------------------------------------------- the quality of the C
@@ -136,7 +136,7 @@ MISRA = Path(project.__file__).with_name("project_files") / "MISRA.md"
 @pytest.mark.parametrize(
     ("preset", "changes"),
     [
-        pytest.param("treadmill", (), marks=pytest.mark.slow),
+        pytest.param("treadmill_guided", (), marks=pytest.mark.slow),
         ("treadmill_start_stop", (f"table={MODES_TABLE}", "modes=twin", "initial_mode=standing")),
     ],
 )
@@ -367,7 +367,9 @@ def test_separate_units_trip_on_silence_for_an_experiment_without_a_bus(treadmil
 def test_a_missed_measurement_causes_no_second_acceleration():
     """Frames come in every second tick; a change of the velocity counts once."""
     require_tools("gcc")
-    project = print_project(load_experiment("treadmill", ["control.inertia_compensation=0.5"]).experiment)
+    project = print_project(
+        load_experiment("treadmill_guided", ["control.inertia_compensation=0.5"]).experiment
+    )
     linked, library = project.exoskeleton, CLibrary(project.program)
     controller = deep_copy(linked.record.controller)
     central = library.structure(units.GaitController(linked.record.settings, controller))
@@ -395,7 +397,7 @@ def test_a_missed_measurement_causes_no_second_acceleration():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("firmware") / "c"
-    assert main(["firmware", "--out", str(out)]) == 0
+    assert main(["firmware", "treadmill_guided", "--out", str(out)]) == 0
     return out
 
 
@@ -444,10 +446,10 @@ def test_the_runner_finds_a_difference(folder, tmp_path):
 
 
 def test_a_folder_that_exists_is_replaced_with_force_only(folder, capsys, tmp_path):
-    assert main(["firmware", "--out", str(folder)]) == 2
+    assert main(["firmware", "treadmill_guided", "--out", str(folder)]) == 2
     assert "--force" in capsys.readouterr().err
     (tmp_path / "mine.txt").write_text("")
-    assert main(["firmware", "--force", "--out", str(tmp_path)]) == 2
+    assert main(["firmware", "treadmill_guided", "--force", "--out", str(tmp_path)]) == 2
     assert states(capsys.readouterr().err, tmp_path) and (tmp_path / "mine.txt").exists()
 
 
@@ -462,7 +464,7 @@ def test_a_folder_that_exists_is_replaced_with_force_only(folder, capsys, tmp_pa
 )
 def test_features_unsupported_in_c_are_refused_in_one_line(setting, key, supported, capsys, tmp_path):
     out = tmp_path / "c"
-    assert main(["firmware", "--unchecked", "--set", setting, "--out", str(out)]) == 2
+    assert main(["firmware", "treadmill_guided", "--unchecked", "--set", setting, "--out", str(out)]) == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert states(line, key, supported)

@@ -25,13 +25,13 @@ from twin_gait.worlds.faults import FaultKind
 
 DOUBLE, FLOAT, TARGET, LOOP = range(4)  # checks
 TABLES = {
-    "treadmill": ("treadmill",),
-    "treadmill_pre_swing": ("treadmill", "table=treadmill_pre_swing"),
+    "treadmill_guided": ("treadmill_guided",),
+    "treadmill_pre_swing": ("treadmill_guided", "table=treadmill_pre_swing"),
     "treadmill_40": ("treadmill_40",),
     "treadmill_ankle": ("treadmill_ankle",),
     "treadmill_start_stop": ("treadmill_start_stop",),
     "bench_leg": ("bench_leg",),
-    "inertia": ("treadmill", "control.inertia_compensation=0.5"),
+    "inertia": ("treadmill_guided", "control.inertia_compensation=0.5"),
 }
 
 
@@ -42,7 +42,7 @@ def experiment_of(name: str, duration: float) -> Experiment:
 
 @pytest.fixture(scope="module")
 def project() -> Project:
-    return print_project(experiment_of("treadmill", 4.0))
+    return print_project(experiment_of("treadmill_guided", 4.0))
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_vectors_equal_the_log(bench):
 
 
 def test_a_controller_that_runs_away_is_refused(capsys):
-    words = ["firmware", "treadmill", "--verify", "--duration", "4"]
+    words = ["firmware", "treadmill_guided", "--verify", "--duration", "4"]
     assert main([*words, "--set", 'faults=["controller_runaway:left_knee@1s"]']) == 2
     message = capsys.readouterr().err
     assert "controller_runaway:left_knee@1.0s" in message and message.count("\n") == 1
@@ -223,7 +223,7 @@ def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp
 )
 def test_a_run_without_a_walk_proves_nothing(settings, reason, capsys):
     words = [word for setting in settings for word in ("--set", setting)]
-    assert main(["firmware", "treadmill", "--verify", "--unchecked", *words]) == 1
+    assert main(["firmware", "treadmill_guided", "--verify", "--unchecked", *words]) == 1
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith("FAILED: ") and states(line, *reason)
 
@@ -237,7 +237,7 @@ def verification(*passed: bool | None) -> dict[str, Any]:
 @pytest.mark.parametrize(("passed", "status"), [((True, None), 0), ((True, False), 1)])
 def test_the_command_ends_with_1_only_if_something_is_wrong(monkeypatch, capsys, passed, status):
     monkeypatch.setattr("twin_gait.firmware.verification.verify", lambda *_: verification(*passed))
-    assert main(["firmware", "treadmill", "--verify"]) == status
+    assert main(["firmware", "treadmill_guided", "--verify"]) == status
     lines = capsys.readouterr().out.splitlines()
     words = {True: "passed", False: "FAILED", None: "skipped"}
     found = "differing 3, bytes (flash 12, error 0.125)"
@@ -246,7 +246,7 @@ def test_the_command_ends_with_1_only_if_something_is_wrong(monkeypatch, capsys,
 
 def test_the_folder_contains_the_results(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("twin_gait.firmware.verification.verify", lambda *_: verification(True))
-    assert main(["firmware", "treadmill", "--verify", "--json", "--out", str(tmp_path / "c")]) == 0
+    assert main(["firmware", "treadmill_guided", "--verify", "--json", "--out", str(tmp_path / "c")]) == 0
     kept: dict[str, Any] = json.loads((tmp_path / "c" / "verification.json").read_text())
     assert kept["passed"] is True and kept["checks"][0]["name"] == "check 0"
     answer = json.loads(capsys.readouterr().out)

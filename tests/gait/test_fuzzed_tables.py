@@ -115,7 +115,7 @@ guards = st.recursive(
 @quick
 @given(guard=guards, joint=st.sampled_from(["all", "any"]))
 def test_table_with_any_guard_ends_in_a_report_or_in_one_line(guard: Any, joint: str) -> None:
-    data = copy.deepcopy(shipped("treadmill"))
+    data = copy.deepcopy(shipped("treadmill_guided"))
     entry = data["transitions"][0]
     entry.pop("all")
     entry[joint] = [guard]
@@ -144,7 +144,7 @@ true_guards = st.recursive(
 @given(data=st.data())
 def test_every_well_formed_table_can_be_checked(data: st.DataObject) -> None:
     """Guards, targets, debounces and times at random: loaded always, and checked to the end."""
-    tree = copy.deepcopy(shipped("treadmill"))
+    tree = copy.deepcopy(shipped("treadmill_guided"))
     tree.pop("waive", None)
     for entry in tree["transitions"]:
         targets = [phase for phase in tree["phases"] if phase != entry["from"]]
@@ -185,7 +185,7 @@ def entries(tree: Any) -> list[tuple[Any, Any]]:
     return [entry for key in keys for entry in [(tree, key), *entries(tree[key])]]
 
 
-@pytest.mark.parametrize("name", ["treadmill", "osl_walking"])
+@pytest.mark.parametrize("name", ["treadmill_guided", "osl_walking"])
 @quick
 @given(data=st.data())
 def test_damaged_table_ends_in_a_report_or_in_one_line(name: str, data: st.DataObject) -> None:
@@ -215,7 +215,7 @@ def test_any_mapping_ends_in_one_line(tree: dict[str, Any]) -> None:
 @quick
 @given(start=st.integers(0, 5000), length=st.integers(1, 200), text=st.text(max_size=5))
 def test_text_with_a_removed_part_ends_in_a_report_or_in_one_line(start: int, length: int, text: str) -> None:
-    whole = named_file("treadmill").read_text(encoding="utf-8")
+    whole = named_file("treadmill_guided").read_text(encoding="utf-8")
     try:
         data = parse_yaml(whole[:start] + text + whole[start + length :], "fuzz.yaml")
     except TwinGaitError as error:
@@ -236,7 +236,7 @@ def nested(depth: int) -> Any:
 
 @pytest.mark.parametrize("depth", [10, 60, 150, 400])
 def test_deeply_nested_guard_ends_in_a_report_or_in_one_line(depth: int, tmp_path: Path) -> None:
-    data = copy.deepcopy(shipped("treadmill"))
+    data = copy.deepcopy(shipped("treadmill_guided"))
     data["transitions"][0]["all"] = [nested(depth)]
     path = tmp_path / "deep.yaml"
     try:
@@ -252,7 +252,7 @@ def test_deeply_nested_guard_ends_in_a_report_or_in_one_line(depth: int, tmp_pat
 
 
 def test_guard_with_too_many_conditions_is_one_line() -> None:
-    data = copy.deepcopy(shipped("treadmill"))
+    data = copy.deepcopy(shipped("treadmill_guided"))
     data["transitions"][0]["all"] = ["hip.angle_deg < 3"] * 70
     table = gait_table_from_mapping(data, "wide.yaml", "wide")
     for action in (compile_guards, build_and_check):
@@ -287,7 +287,7 @@ def test_number_of_phases_is_limited_by_the_evaluator(count: int, fits: bool) ->
 
 
 def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> None:
-    data = copy.deepcopy(shipped("treadmill"))
+    data = copy.deepcopy(shipped("treadmill_guided"))
     del data["waive"]
     ranges = {item.name: item.range for item in declarations(JointImpedance)}
     for phase in data["phases"].values():
@@ -299,7 +299,7 @@ def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> Non
         }
     table = gait_table_from_mapping(data, "large.yaml", "large")
     assert gait_table_from_mapping(table_document(table), "again.yaml", "large") == table
-    case = build_case(table, load_experiment("treadmill").experiment)
+    case = build_case(table, load_experiment("treadmill_guided").experiment)
     assert {"equilibrium_beyond_limits", "unusual_stiffness"} <= {item.rule for item in check(case)}
 
 

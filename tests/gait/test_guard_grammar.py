@@ -32,7 +32,7 @@ NAMES = all_signal_names(JOINTS)
 def parse(text: str) -> Guard:
     """Parse a guard in a table with the five phases."""
     parsed = parse_guard(text)
-    table = load_gait_table("treadmill")
+    table = load_gait_table("treadmill_guided")
     first, *others = table.transitions
     return replace(table, transitions=(replace(first, guard=parsed), *others)).transitions[0].guard
 

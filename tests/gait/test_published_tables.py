@@ -358,7 +358,7 @@ def test_other_readings_of_the_open_source_leg_switch_elsewhere() -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_missing_ankle_drive_is_reported_in_one_line(name: str) -> None:
     with raises(TwinGaitError, "plant.actuators.ankle", name) as caught:
-        load_experiment("treadmill", [f"table={name}"])
+        load_experiment("treadmill_guided", [f"table={name}"])
     assert len(str(caught.value).splitlines()) == 1
 
 

@@ -47,7 +47,7 @@ def kit(name: str) -> list[TransitionTest]:
 
 FIVE_PHASES = tuple(str(phase) for phase in GaitPhase)
 # Published machines of prostheses have tables too; these are walks of the device.
-WALKING = ["bench_leg", "treadmill", "treadmill_ankle"]
+WALKING = ["bench_leg", "treadmill_guided", "treadmill_ankle"]
 WALK_COMMAND_TICKS = 250  # after which the walk command of both legs changes
 
 each_table = pytest.mark.parametrize("name", TABLES)

@@ -52,7 +52,7 @@ def test_without_action_an_episode_is_the_walk_of_simulate() -> None:
     assert last[2:] == (False, True)
     run = env.run
     walk = simulate(
-        load_experiment("treadmill", ["duration_s=0.6", f"seed={run.experiment.seed}"]).experiment
+        load_experiment("treadmill_guided", ["duration_s=0.6", f"seed={run.experiment.seed}"]).experiment
     )
     assert run.log.equals(walk.log)
 
@@ -116,7 +116,7 @@ def test_ranges_of_an_action_do_not_depend_on_the_drawn_wearer() -> None:
 
 
 def test_a_loaded_experiment_takes_the_duration_and_an_ended_episode_no_step() -> None:
-    env = GaitEnv(experiment=load_experiment("treadmill"), duration_s=0.05, record=True)
+    env = GaitEnv(experiment=load_experiment("treadmill_guided"), duration_s=0.05, record=True)
     with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
         env.step(np.zeros(4))
     env.reset(seed=1)
@@ -318,7 +318,7 @@ def test_a_vector_environment_rejects_values_that_need_another_loop() -> None:
 
 def with_policy(name: str, *settings: str, silent: bool = False) -> LoadedExperiment:
     """Return a walk with a shipped policy; ``silent``: its weights are zero."""
-    loaded = load_experiment("treadmill", ["control.mode=policy", f"control.policy={name}", *settings])
+    loaded = load_experiment("treadmill_guided", ["control.mode=policy", f"control.policy={name}", *settings])
     control = loaded.experiment.control
     if not silent or control.policy is None:
         return loaded

@@ -208,11 +208,13 @@ def test_device_made_to_measure_has_the_lengths_of_the_wearer(height: float) -> 
 )
 def test_wrong_size_is_refused_with_its_key(sizes: dict[str, object], facts: tuple[str, ...]) -> None:
     with raises(ParameterFileError, *facts):
-        load_experiment("treadmill", [f"leg.sizes.{key}={json.dumps(value)}" for key, value in sizes.items()])
+        load_experiment(
+            "treadmill_guided", [f"leg.sizes.{key}={json.dumps(value)}" for key, value in sizes.items()]
+        )
 
 
 def test_wearer_outside_the_sizes_walks_with_a_device_made_to_measure() -> None:
-    experiment = load_experiment("treadmill", ["leg.sizes=null", "patient.height_m=2.05"]).experiment
+    experiment = load_experiment("treadmill_guided", ["leg.sizes=null", "patient.height_m=2.05"]).experiment
     sizes = experiment.build_world().model.sizes
     assert sizes is not None
     assert sizes.femur == pytest.approx(0.245 * 2.05)
@@ -242,10 +244,10 @@ def test_wearer_like_the_subjects_has_no_note_and_a_heavy_one_exceeds_the_device
 def test_segments_of_the_smallest_and_the_largest_wearer_have_their_mass(mass: float, height: float) -> None:
     """The legs of the wearer have the lengths of the links of the URDF, and the mass of the table."""
     experiment = load_experiment(
-        "treadmill", ["leg.fit_device=false", f"patient={{mass_kg: {mass}, height_m: {height}}}"]
+        "treadmill_guided", ["leg.fit_device=false", f"patient={{mass_kg: {mass}, height_m: {height}}}"]
     ).experiment
     model = experiment.build_world().model
-    empty = load_experiment("treadmill", ["leg.fit_device=false", "patient=null"]).experiment
+    empty = load_experiment("treadmill_guided", ["leg.fit_device=false", "patient=null"]).experiment
     device = empty.leg_model(None, experiment.scenario.pelvis).total_mass
     assert model.total_mass - device == pytest.approx(mass)
     inertia = np.linalg.eigvalsh(model.mass_matrix(np.zeros(model.nv)))

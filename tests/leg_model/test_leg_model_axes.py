@@ -127,14 +127,14 @@ def test_the_walk_on_a_reversed_knee_equals_the_original(engine: str, tmp_path: 
     """Bit for bit: found by itself and stated; kernels, stops, contacts and wearer follow the sign."""
     path = turned(tmp_path, ("left_knee", "right_knee", "right_hip"))
     settings = [f"engine={engine}", *(["duration_s=0.2"] if engine == "pinocchio" else [])]
-    original = walk("treadmill", *settings).log
+    original = walk("treadmill_guided", *settings).log
     with pytest.warns(ReversedJointWarning):
-        found = walk("treadmill", *settings, f"leg.urdf={path}").log
+        found = walk("treadmill_guided", *settings, f"leg.urdf={path}").log
     assert_frame_equal(found, original)
     stated = ["leg.left.knee=-left_knee", "leg.right.knee=-right_knee", "leg.right.hip=-right_hip"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert_frame_equal(walk("treadmill", *settings, f"leg.urdf={path}", *stated).log, original)
+        assert_frame_equal(walk("treadmill_guided", *settings, f"leg.urdf={path}", *stated).log, original)
 
 
 def test_a_leg_without_an_ankle_is_read_the_same_way(tmp_path: Path) -> None:

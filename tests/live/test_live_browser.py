@@ -203,7 +203,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def treadmill(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
-    walk = Walk(tmp_path_factory.mktemp("treadmill"), "treadmill")
+    walk = Walk(tmp_path_factory.mktemp("treadmill_guided"), "treadmill_guided")
     yield walk
     walk.close()
 
@@ -467,7 +467,7 @@ def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) 
 def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_alone(
     browser: Any, tmp_path: Path
 ) -> None:
-    walk = Walk(tmp_path, "treadmill")
+    walk = Walk(tmp_path, "treadmill_guided")
     name = "swing_flexion.knee.equilibrium"
     try:
         page = Page(browser, walk, forecasts=True)
@@ -616,7 +616,7 @@ OBSERVE = """(paths) => {
 
 @pytest.fixture(scope="module")
 def joint_paths() -> dict[str, str]:
-    model = load_experiment("treadmill").experiment.build_world().model
+    model = load_experiment("treadmill_guided").experiment.build_world().model
     paths = ArticulatedFigure(CommandBuffer(), model.model).paths
     return {name: path for name, path in paths.items() if name != "universe"}
 
@@ -686,7 +686,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
 
 
 def test_joint_positions_on_the_page_equal_pinocchio(session, joint_paths: dict[str, str]) -> None:
-    model = load_experiment("treadmill").experiment.build_world().model
+    model = load_experiment("treadmill_guided").experiment.build_world().model
     data = model.model.createData()
     worst = 0.0
     for one in session["seen"]:
@@ -757,7 +757,7 @@ def test_support_is_read_back_from_the_force_of_the_ropes(session) -> None:
 
 
 def test_belt_speed_is_read_back_from_a_foot_that_stands_on_it(session) -> None:
-    model = load_experiment("treadmill").experiment.build_world().model
+    model = load_experiment("treadmill_guided").experiment.build_world().model
     log, key = session["log"], "scenario.belt_speed_m_per_s"
     began, end = change(session, key), change(session, key, -1)
     speeds = []
@@ -819,8 +819,8 @@ def test_stop_holds_the_legs_from_its_tick_on(session) -> None:
 
 def test_saved_table_runs_in_simulate_with_the_values_of_the_panel(session, treadmill: Walk) -> None:
     (path,) = treadmill.folder.parent.glob("run-table-*.yaml")
-    saved = load_experiment("treadmill", [f"table={path}"]).experiment.table
-    begun = load_experiment("treadmill").experiment.table
+    saved = load_experiment("treadmill_guided", [f"table={path}"]).experiment.table
+    begun = load_experiment("treadmill_guided").experiment.table
     changed = saved.phases["swing_extension"].joints["knee"]
     preset = begun.phases["swing_extension"].joints["knee"]
     assert changed.equilibrium_angle - preset.equilibrium_angle == pytest.approx(0.5 * DEGREE, abs=1e-3)

@@ -76,7 +76,7 @@ def test_one_forecast_is_made_of_several_changes_and_warns_of_unusual_ones(sessi
 
 
 def test_warnings_name_a_spring_and_an_equilibrium_that_are_unusual():
-    panel = ControlPanel(load_experiment("treadmill", ["duration_s=1"]).experiment)
+    panel = ControlPanel(load_experiment("treadmill_guided", ["duration_s=1"]).experiment)
     begun = find_warnings(panel.preset)
     for name, value, text in (
         ("late_stance.hip.stiffness", 6.0, "late stance: hip k 6.00 N·m/deg is outside"),

@@ -116,7 +116,7 @@ def test_steps_by_hand_and_the_controls_of_the_monitor_are_walked_again(bench: L
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_every_change_of_a_walk_is_reproduced(seed: int):
-    loaded = load_experiment("treadmill", ["duration_s=60"])
+    loaded = load_experiment("treadmill_guided", ["duration_s=60"])
     desk, generator = SentCommands(loaded), np.random.default_rng(seed)
     shown = {item.name: item for item in desk.panel.controls(desk.panel.preset) if item.group != "monitor"}
     for time in np.sort(generator.uniform(0.0, 9.0, 25)).tolist():

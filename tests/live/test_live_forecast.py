@@ -26,7 +26,7 @@ FALLS = [
 
 @pytest.fixture(scope="module")
 def panel():
-    return ControlPanel(load_experiment("treadmill", ["duration_s=60"]).experiment)
+    return ControlPanel(load_experiment("treadmill_guided", ["duration_s=60"]).experiment)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_f
 
 @pytest.mark.slow
 def test_a_session_forecasts_a_try_without_applying_it(tmp_path):
-    loaded = load_experiment("treadmill", ["duration_s=60"])
+    loaded = load_experiment("treadmill_guided", ["duration_s=60"])
     with closing(LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False)) as session:
         session.start()
         name, value = FALLS[0]

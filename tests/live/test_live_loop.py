@@ -59,7 +59,7 @@ def bench_panel():
 
 @pytest.fixture(scope="module")
 def treadmill_panel():
-    return ControlPanel(load_experiment("treadmill", ["duration_s=60"]).experiment)
+    return ControlPanel(load_experiment("treadmill_guided", ["duration_s=60"]).experiment)
 
 
 # ---------------------------------------------------------------------- messages
@@ -280,16 +280,16 @@ def test_a_value_out_of_its_range_and_an_unknown_control_are_refused(treadmill_p
 
 def test_equilibrium_beyond_the_stops_widens_its_range_and_no_other():
     settings = ["table.phases.middle_stance.hip.equilibrium_deg=-33.3", "duration_s=1"]
-    panel = ControlPanel(load_experiment("treadmill", settings).experiment)
+    panel = ControlPanel(load_experiment("treadmill_guided", settings).experiment)
     shown = {item.name: item for item in panel.controls(panel.preset)}
     beyond, other = (shown[f"middle_stance.{joint}.equilibrium"] for joint in ("hip", "knee"))
     assert beyond.minimum < beyond.value == pytest.approx(-33.3) and beyond.maximum > 90.0
-    begun = ControlPanel(load_experiment("treadmill", settings[1:]).experiment)
+    begun = ControlPanel(load_experiment("treadmill_guided", settings[1:]).experiment)
     assert other.minimum == begun.control_range("equilibrium", "knee")[0]
     assert beyond.minimum < begun.control_range("equilibrium", "hip")[0]
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "overground", "bench_leg", "treadmill_ankle"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "overground", "bench_leg", "treadmill_ankle"])
 def test_every_impedance_can_be_raised_and_every_equilibrium_moved_both_ways(preset):
     panel = ControlPanel(load_experiment(preset, ["duration_s=1"]).experiment)
     limit = panel.preset.experiment.control.limits[JointName.HIP].torque  # that of all joints
@@ -313,7 +313,7 @@ def test_every_impedance_can_be_raised_and_every_equilibrium_moved_both_ways(pre
 def test_the_range_of_an_own_table_does_not_end_at_its_values():
     key = "table.phases.middle_stance.knee"
     settings = [f"{key}.stiffness_Nm_per_deg=25", f"{key}.damping_Nms_per_rad=300", "duration_s=1"]
-    panel = ControlPanel(load_experiment("treadmill", settings).experiment)
+    panel = ControlPanel(load_experiment("treadmill_guided", settings).experiment)
     assert panel.control_range("stiffness", "knee")[1] >= 37.5
     assert panel.control_range("damping", "knee")[1] >= 450.0
     panel.set(panel.preset, "middle_stance.knee.stiffness", 30.0)

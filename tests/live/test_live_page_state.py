@@ -27,7 +27,7 @@ CHANGING = ["panel-quick", "body-walk", "body-table", "body-monitor", "body-dist
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
-    begun = Walk(tmp_path_factory.mktemp("state"), "treadmill")
+    begun = Walk(tmp_path_factory.mktemp("state"), "treadmill_guided")
     yield begun
     begun.close()
 
@@ -140,7 +140,7 @@ def test_controls_of_a_session_that_is_gone_are_disabled(browser: Any, tmp_path:
 
 
 def test_changes_wait_in_a_list_with_one_forecast_and_one_apply(browser: Any, tmp_path: Path) -> None:
-    walk = Walk(tmp_path, "treadmill")
+    walk = Walk(tmp_path, "treadmill_guided")
     page = Page(browser, walk, forecasts=True)
     lines = page.page.locator("#panel-forecast li")
     try:

@@ -46,7 +46,7 @@ def test_the_panel_offers_the_requests_of_the_modes_and_no_manual_steps():
         assert field.choices == experiment.modes.requests
         assert "step" not in specs
         assert "manual" not in [item.name for item in panel.controls(panel.preset)]
-    bare = tuple(action_specs(build_setup(load_experiment("treadmill").experiment)))
+    bare = tuple(action_specs(build_setup(load_experiment("treadmill_guided").experiment)))
     assert "request" not in {item.action for item in bare}
     with raises(MessageRejected, "request"):
         action_values(bare, request("walk"))

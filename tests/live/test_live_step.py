@@ -8,7 +8,7 @@ from twin_gait.live.session import choose_step
 
 
 def test_live_step_is_stable_at_every_setting_of_the_adjustments() -> None:
-    loaded = load_experiment("treadmill")
+    loaded = load_experiment("treadmill_guided")
     chosen = choose_step(loaded)
     assert loaded.experiment.resolved_integration.step == 0.25e-3
     # Without support and on a faster belt, the friction of the feet needs a smaller step.
@@ -17,7 +17,7 @@ def test_live_step_is_stable_at_every_setting_of_the_adjustments() -> None:
 
 
 def test_live_step_of_the_user_is_kept() -> None:
-    loaded = load_experiment("treadmill", ["integration.step_ms=0.25"])
+    loaded = load_experiment("treadmill_guided", ["integration.step_ms=0.25"])
     assert choose_step(loaded) is loaded
 
 

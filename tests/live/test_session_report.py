@@ -31,7 +31,9 @@ SECOND = "{time_s: 20, set: {table.phases.late_stance.hip.stiffness_Nm_per_deg: 
 
 def record_session(records, run, document, folder, changes, **more):
     """Record a session of one walk; ``changes``: tick, control, value before and after."""
-    recorder = SessionRecorder(records, user="Ann", experiment="treadmill", document=document, folder=folder)
+    recorder = SessionRecorder(
+        records, user="Ann", experiment="treadmill_guided", document=document, folder=folder
+    )
     for serial, (tick, control, before, value) in enumerate(changes, start=1):
         event = {"serial": serial, "tick": tick, "response": "applied", "user": "Ann", "subject": control}
         recorder.event(SimpleNamespace(**event, before=before, value=value, text="", **more))
@@ -46,8 +48,8 @@ def sessions(tmp_path_factory):
     runs, changes = [], [(10_000, "belt_speed", 1.5, 1.8), (20_000, "late_stance.hip.stiffness", 1.49, 2.1)]
     for number, events in enumerate(([FIRST, SECOND], [FIRST]), start=1):
         settings = [*PERSON, f"duration_s={10 * len(events) + 10}"]
-        document = load_experiment("treadmill", settings).document
-        loaded = load_experiment("treadmill", [*settings, f"events=[{','.join(events)}]"])
+        document = load_experiment("treadmill_guided", settings).document
+        loaded = load_experiment("treadmill_guided", [*settings, f"events=[{','.join(events)}]"])
         run = simulate(loaded.experiment)
         runs.append(run)
         record_session(folder / "record", run, document, folder / f"run{number}", changes[: len(events)])
@@ -113,7 +115,7 @@ def test_errors_refer_to_the_belt_speed_of_the_condition_and_work_is_that_of_the
 def test_a_change_at_the_start_of_a_walk_belongs_to_the_first_condition():
     events = "events=[{time_s: 0, set: {scenario.belt_speed_km_per_h: 1.8}, fade_ms: 0}]"
     run = SimpleNamespace(
-        experiment=load_experiment("treadmill", [events]).experiment, columns=range(20_000), trip=None
+        experiment=load_experiment("treadmill_guided", [events]).experiment, columns=range(20_000), trip=None
     )
     (only,) = conditions_of(run)
     assert (only.start, only.end) == (0, 20_000)
@@ -174,8 +176,10 @@ def test_the_report_is_one_printed_page_also_with_many_changes(sessions, tmp_pat
         f"{{time_s: {time}, set: {{scenario.belt_speed_km_per_h: {1.5 + 0.01 * time}}}}}" for time in times
     ]
     settings = [*PERSON, "patient.mass_kg=120", "patient.age_years=30", "duration_s=70"]
-    run = simulate(load_experiment("treadmill", [*settings, f"events=[{','.join(changes)}]"]).experiment)
-    document = load_experiment("treadmill", settings).document
+    run = simulate(
+        load_experiment("treadmill_guided", [*settings, f"events=[{','.join(changes)}]"]).experiment
+    )
+    document = load_experiment("treadmill_guided", settings).document
     rows = [(1000 * time, "belt_speed", 1.5, 1.5 + 0.01 * time) for time in times]
     shutil.copytree(sessions[0] / "record", tmp_path / "record")
     record_session(tmp_path / "record", run, document, tmp_path / "run", rows)
@@ -203,7 +207,7 @@ def test_a_walk_without_ground_and_without_a_name_has_a_report(tmp_path):
 
 
 def test_a_walk_without_a_stride_has_a_report(tmp_path):
-    loaded = load_experiment("treadmill", [*PERSON, "duration_s=1"])
+    loaded = load_experiment("treadmill_guided", [*PERSON, "duration_s=1"])
     record_session(tmp_path / "record", simulate(loaded.experiment), loaded.document, tmp_path / "run", [])
     page = session_report(tmp_path / "record", 1)
     assert states(page, "P03", "1 s in 1 walk: too short to judge") and "data:image" not in page
@@ -213,17 +217,19 @@ def test_a_stop_and_a_push_are_listed(tmp_path):
     events = (
         "[{time_s: 2, push: {joint: left_knee, torque_Nm: 12, duration_ms: 100}}, {time_s: 5, stop: true}]"
     )
-    loaded = load_experiment("treadmill", [*PERSON, "duration_s=6"])
-    run = simulate(load_experiment("treadmill", [*PERSON, "duration_s=6", f"events={events}"]).experiment)
+    loaded = load_experiment("treadmill_guided", [*PERSON, "duration_s=6"])
+    run = simulate(
+        load_experiment("treadmill_guided", [*PERSON, "duration_s=6", f"events={events}"]).experiment
+    )
     record_session(tmp_path / "record", run, loaded.document, tmp_path / "run", [])
     page = session_report(tmp_path / "record", 1)
     assert states(page, "2.0 s: push of 12 N·m on left knee", "5.0 s: emergency stop")
 
 
 def test_a_session_with_a_restart_has_conditions_of_both_walks(sessions, tmp_path):
-    folder, document = sessions[0], load_experiment("treadmill", PERSON).document
+    folder, document = sessions[0], load_experiment("treadmill_guided", PERSON).document
     recorder = SessionRecorder(
-        tmp_path / "record", user="", experiment="treadmill", document=document, folder=folder / "run1"
+        tmp_path / "record", user="", experiment="treadmill_guided", document=document, folder=folder / "run1"
     )
     steps = [(10_000, "belt_speed", 1.5, 1.8), (0, "restart", None, None), (12_000, "belt_speed", 1.8, 1.6)]
     for serial, (tick, subject, before, value) in enumerate(steps, start=1):
@@ -232,7 +238,9 @@ def test_a_session_with_a_restart_has_conditions_of_both_walks(sessions, tmp_pat
     carried = "{time_s: 0, set: {scenario.belt_speed_km_per_h: 1.8}, fade_ms: 0}"
     slower = "{time_s: 12, set: {scenario.belt_speed_km_per_h: 1.6}}"
     second = simulate(
-        load_experiment("treadmill", [*PERSON, "duration_s=24", f"events=[{carried},{slower}]"]).experiment
+        load_experiment(
+            "treadmill_guided", [*PERSON, "duration_s=24", f"events=[{carried},{slower}]"]
+        ).experiment
     )
     second.save(tmp_path / "run2")
     recorder.close("ended", 24_000, {}, [folder / "run1", tmp_path / "run2"])
@@ -285,7 +293,9 @@ def test_a_session_without_its_run_directories_has_no_report(sessions, tmp_path)
 
 
 def test_the_settings_of_a_patient_start_the_next_session_as_they_are(tmp_path):
-    loaded = load_experiment("treadmill", ["patient=stroke_left", "patient.mass_kg=62", "duration_s=3600"])
+    loaded = load_experiment(
+        "treadmill_guided", ["patient=stroke_left", "patient.mass_kg=62", "duration_s=3600"]
+    )
     panel = ControlPanel(loaded.experiment)
     changes = {"belt_speed": 1.8, "late_stance.hip.stiffness": 2.1, "late_stance.hip.damping": 9.0}
     settings = panel.set_all(panel.preset, {**changes, "mode": "torque_control"})
@@ -299,21 +309,21 @@ def test_the_settings_of_a_patient_start_the_next_session_as_they_are(tmp_path):
     assert opened.patient.mass == 62.0 and opened.patient.conditions == loaded.experiment.patient.conditions
     assert opened.duration == 20.0 and "2026-11-12" in path.read_text().splitlines()[2]
     with raises(ParameterFileError, path, "scenario", "experiment"):
-        load_experiment("treadmill", [f"patient={path}"])
+        load_experiment("treadmill_guided", [f"patient={path}"])
 
 
 @pytest.mark.parametrize("name", ["", "../P03", ".P03", "P\n03", "x" * 81])
 def test_a_name_that_is_no_file_name_is_rejected(name):
-    loaded = load_experiment("treadmill")
+    loaded = load_experiment("treadmill_guided")
     panel = ControlPanel(loaded.experiment)
     with raises(ParameterError, "patient", "1", "80"):
         settings_document(loaded.document, panel.preset, panel.preset, name, datetime(2026, 11, 12))
 
 
 def test_the_record_has_the_name_under_which_the_settings_were_saved(tmp_path):
-    document = load_experiment("treadmill", PERSON).document
+    document = load_experiment("treadmill_guided", PERSON).document
     recorder = SessionRecorder(
-        tmp_path, user="", experiment="treadmill", document=document, folder=Path("run")
+        tmp_path, user="", experiment="treadmill_guided", document=document, folder=Path("run")
     )
     assert read_session(tmp_path, 1)["patient"] == "P03"
     recorder.patient("P04")

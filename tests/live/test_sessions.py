@@ -53,11 +53,11 @@ def record(tmp_path):
     """Return a record with one finished and one running session."""
     path = tmp_path / "deep" / "sessions"
     first = SessionRecorder(
-        path, user="Ann", experiment="treadmill", document={"duration_s": 600}, folder=Path("run")
+        path, user="Ann", experiment="treadmill_guided", document={"duration_s": 600}, folder=Path("run")
     )
-    first.table({"name": "treadmill", "k": 1}, 0)
+    first.table({"name": "treadmill_guided", "k": 1}, 0)
     first.event(change(1))
-    first.table({"name": "treadmill", "k": 2}, 10)
+    first.table({"name": "treadmill_guided", "k": 2}, 10)
     first.event(change(2, response="refused", value="a lot"))
     first.close("ended", 1234, {"fell": False}, ["/runs/one"])
     second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={}, folder=Path("run"))
@@ -66,7 +66,9 @@ def record(tmp_path):
 
 
 def test_all_run_folders_of_a_session_are_listed(tmp_path):
-    recorder = SessionRecorder(tmp_path, user="Ann", experiment="treadmill", document={}, folder=Path("run"))
+    recorder = SessionRecorder(
+        tmp_path, user="Ann", experiment="treadmill_guided", document={}, folder=Path("run")
+    )
     recorder.close("ended", 5, {}, ["/runs/one", "/runs/one-2", "/runs/one-3"])
     (entry,) = list_sessions(tmp_path)
     assert command.format_session(entry).endswith("  /runs/one, /runs/one-2, /runs/one-3")
@@ -78,7 +80,9 @@ def test_a_name_that_would_forge_lines_is_refused_and_one_of_a_record_is_shown_o
     with raises(TwinGaitError, "user", "0", "64") as error:
         LiveSession(loaded=loaded, folder=tmp_path / "run", user=forged)
     assert str(error.value).isprintable() and not list(tmp_path.iterdir())
-    recorder = SessionRecorder(tmp_path, user=forged, experiment="treadmill", document={}, folder=Path("r\n"))
+    recorder = SessionRecorder(
+        tmp_path, user=forged, experiment="treadmill_guided", document={}, folder=Path("r\n")
+    )
     recorder.close("ended", 0, {}, ["r\n"])
     (entry,) = list_sessions(tmp_path)
     assert command.format_session(entry).isprintable() and command.format_session(entry).startswith("   1  ")
@@ -91,7 +95,7 @@ def test_a_session_is_read_back_as_it_was_recorded(record):
     found = read_session(record, 1)
     assert (found["user"], found["experiment"], found["status"], found["tick"]) == (
         "Ann",
-        "treadmill",
+        "treadmill_guided",
         "ended",
         1234,
     )
@@ -135,7 +139,7 @@ def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_go
 
 def test_recording_never_waits_for_a_disk_that_hangs(tmp_path, monkeypatch):
     path, released, sync = tmp_path / "sessions", threading.Event(), os.fsync
-    recorder = SessionRecorder(path, user="", experiment="treadmill", document={}, folder=Path("run"))
+    recorder = SessionRecorder(path, user="", experiment="treadmill_guided", document={}, folder=Path("run"))
     monkeypatch.setattr(os, "fsync", lambda descriptor: (released.wait(), sync(descriptor)))
     recorder.event(change(1))
     time.sleep(0.5)  # its thread waits for the disk now
@@ -153,7 +157,9 @@ def test_two_sessions_at_once_keep_apart(tmp_path):
     path = tmp_path / "sessions"
 
     def one(user):
-        recorder = SessionRecorder(path, user=user, experiment="treadmill", document={}, folder=Path("run"))
+        recorder = SessionRecorder(
+            path, user=user, experiment="treadmill_guided", document={}, folder=Path("run")
+        )
         for serial in range(1, 51):
             recorder.event(change(serial, user=user))
             time.sleep(0.002)
@@ -231,7 +237,7 @@ def test_an_invalid_record_is_refused_in_one_line(tmp_path):
 
 def test_the_record_is_for_its_user_alone(tmp_path):
     recorder = SessionRecorder(
-        tmp_path / "sessions", user="Ann", experiment="treadmill", document={}, folder=Path("run")
+        tmp_path / "sessions", user="Ann", experiment="treadmill_guided", document={}, folder=Path("run")
     )
     recorder.event(change(1))
     recorder.close("ended", 0, {}, [])

@@ -27,7 +27,7 @@ from twin_gait.worlds.faults import SUPPLY_FAULTS, FaultKind, parse_fault
 
 BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.5)
 EVEN = Belt(cruise=0.42, stop_ramp=0.5)
-STOPS, STRIDE = 40, 2100  # ticks of a stride of the default walk
+STOPS, STRIDE = 40, 2100  # ticks of a stride of the guided walk
 SETTLED = 1000  # ticks after which a loaded foot rests
 RUNS_ON = ("scenario.stop_ramp_s=null", "scenario.support.lock_stiffness_N_per_m=0")
 
@@ -54,7 +54,7 @@ def test_a_belt_without_a_stop_ramp_keeps_running_after_a_trip():
 
 def test_pictures_of_a_held_walk_show_a_belt_at_rest():
     run = simulate(
-        load_experiment("treadmill", ["duration_s=3", "faults=['motor_dead:left_hip@1s']"]).experiment
+        load_experiment("treadmill_guided", ["duration_s=3", "faults=['motor_dead:left_hip@1s']"]).experiment
     )
     track, speed = _belt_track(run.log["belt_speed_m_per_s"].to_numpy()), run.experiment.scenario.belt_speed
     # The minimum-jerk ramp is symmetric: it goes half as far as the belt would have gone.
@@ -67,7 +67,7 @@ def test_pictures_of_a_held_walk_show_a_belt_at_rest():
 
 @pytest.fixture(scope="module")
 def walk():
-    return SteppedRun(build_setup(load_experiment("treadmill", ["duration_s=20"]).experiment))
+    return SteppedRun(build_setup(load_experiment("treadmill_guided", ["duration_s=20"]).experiment))
 
 
 def column(run, name, first=0):
@@ -131,7 +131,7 @@ def test_a_controller_that_runs_away_with_a_knee_is_held_before_the_wearer_falls
 
 
 def test_without_belt_and_harness_a_stop_is_a_fall():
-    run = SteppedRun(build_setup(load_experiment("treadmill", ["duration_s=20", *RUNS_ON]).experiment))
+    run = SteppedRun(build_setup(load_experiment("treadmill_guided", ["duration_s=20", *RUNS_ON]).experiment))
     run.advance(3000)
     run.stop()
     run.advance(3000)
@@ -151,7 +151,7 @@ def test_the_harness_is_a_spring_that_only_pulls_up_and_the_energy_is_accounted_
         f"engine={engine}",
     ]
     settings += ["integration={method: rk4, step_ms: 0.1}"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     log, trip, support = run.log, run.trip.tick, run.experiment.scenario.support
     height, velocity = log["pelvis_height_m"].to_numpy(), log["pelvis_velocity_m_per_s"].to_numpy()
     depth = np.where(np.arange(len(log)) >= trip, height[trip] - height, 0.0).clip(0.0)
@@ -178,7 +178,7 @@ def test_a_start_after_a_stop_is_the_first_walk_again_bit_for_bit(walk):
 
 def test_parameters_are_read_checked_and_written():
     settings = ["scenario.stop_ramp_s=0.8", "scenario.support.lock_stiffness_N_per_m=5000"]
-    experiment = load_experiment("treadmill", settings).experiment
+    experiment = load_experiment("treadmill_guided", settings).experiment
     assert experiment.scenario.stop_ramp == 0.8 and experiment.scenario.support.lock_stiffness == 5000.0
     on = replace(experiment, scenario=replace(experiment.scenario, stop_ramp=math.inf))
     for item, expected in ((experiment, 0.8), (on, None)):
@@ -201,5 +201,5 @@ def test_parameters_are_read_checked_and_written():
 )
 def test_parameters_out_of_range_are_refused_in_one_line(setting, message):
     with raises(TwinGaitError, *message) as caught:
-        load_experiment("treadmill", [f"scenario.{setting}"])
+        load_experiment("treadmill_guided", [f"scenario.{setting}"])
     assert "\n" not in str(caught.value)

@@ -12,8 +12,9 @@ from scipy.signal import find_peaks
 from twin_gait.measures.load_shape import TWO_PEAKS, load_shape, prominent_peaks
 from twin_gait.measures.walk import load_measures
 
-# Mean stride of the left leg of person stroke_left with 62 kg and 1.63 m over 60 s; table treadmill with the
-# thresholds -2.0 deg from middle to late stance and 17 and 34 deg of clearance. Its load rises at 18 %.
+# Mean stride of the left leg of person stroke_left with 62 kg and 1.63 m over 60 s; table treadmill_guided
+# with the thresholds -2.0 deg from middle to late stance and 17 and 34 deg of clearance. Its load rises at
+# 18 %.
 STROKE_LEFT = [
     0.07, 0.36, 0.7, 0.91, 0.94, 0.9, 0.86, 0.81, 0.77, 0.73, 0.69, 0.67, 0.67, 0.67, 0.68, 0.7, 0.73, 0.77,
     0.81, 0.91, 1.11, 1.21, 1.21, 1.15, 1.07, 1.01, 0.97, 0.95, 0.95, 0.96, 0.97, 0.97, 0.95, 0.92, 0.89,

@@ -43,7 +43,7 @@ def test_a_run_is_simulated_checked_and_summarised_without_scipy() -> None:
         "from twin_gait.runs.summary import summarise_run\n"
         "from twin_gait.runs.run_page import render_run_page\n"
         "from twin_gait.simulation.simulator import simulate\n"
-        "run = simulate(load_experiment('treadmill', ['duration_s=0.1']).experiment)\n"
+        "run = simulate(load_experiment('treadmill_guided', ['duration_s=0.1']).experiment)\n"
         "options.check_table(run.experiment)\n"
         "render_run_page([StoredRun(run, summarise_run(run))])\n"
         "print([name for name in ('scipy', 'matplotlib', 'distributed') if name in sys.modules])"

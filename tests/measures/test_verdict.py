@@ -156,14 +156,14 @@ def test_standing_between_two_walks_counts_neither_as_gap_nor_as_stride():
 
 
 def test_a_run_of_three_tenths_of_a_second_is_too_short_for_a_walk():
-    run = simulate(load_experiment("treadmill", ["duration_s=0.3"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=0.3"]).experiment)
     assert run.verdict.outcome is Outcome.TOO_SHORT
     assert summarise_run(run)["outcome"] == flat_summary(run)["outcome"] == "too short to judge"
 
 
 @pytest.fixture(scope="module")
 def walk():
-    return simulate(load_experiment("treadmill", ["duration_s=12"]).experiment)
+    return simulate(load_experiment("treadmill_guided", ["duration_s=12"]).experiment)
 
 
 NEARLY_ALL = f"table={FIVE_PHASES}", "scenario.support.share=0.95"
@@ -175,7 +175,7 @@ ALL = "control.mode=position", "scenario.support.share=1.0"  # along a path that
     [((), "walked"), (NEARLY_ALL, "hung"), pytest.param(ALL, "hung", marks=pytest.mark.slow)],
 )
 def test_a_wearer_hanging_in_the_harness_does_not_count_as_walking(settings, outcome):
-    run = simulate(load_experiment("treadmill", ["duration_s=12", *settings]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=12", *settings]).experiment)
     assert run.status is RunStatus.COMPLETED
     assert (run.verdict.outcome, flat_summary(run)["outcome"], summarise_run(run)["outcome"]) == (
         outcome,
@@ -217,7 +217,7 @@ def test_the_command_begins_with_the_outcome(tmp_path, capsys):
     out = tmp_path / "run"
     given = [
         "simulate",
-        "treadmill",
+        "treadmill_guided",
         "--duration",
         "9",
         *(word for setting in NEARLY_ALL for word in ("--set", setting)),

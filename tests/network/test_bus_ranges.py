@@ -58,10 +58,12 @@ def test_springs_of_the_control_unit_are_not_sent_over_the_bus():
 
 def test_check_refuses_values_outside_the_ranges_of_the_network():
     settings = ["control.limits.current_A=20"]
-    assert bus_value_range(load_case(None, "treadmill", settings)) == []
-    (finding,) = bus_value_range(load_case(None, "treadmill", [*settings, SHIPPED]))
+    assert bus_value_range(load_case(None, "treadmill_guided", settings)) == []
+    (finding,) = bus_value_range(load_case(None, "treadmill_guided", [*settings, SHIPPED]))
     assert finding.severity is Severity.ERROR and states(finding.reason, "24 A")
-    assert bus_value_range(load_case(None, "treadmill", [*settings, "network=can"])) == []  # the range widens
+    assert (
+        bus_value_range(load_case(None, "treadmill_guided", [*settings, "network=can"])) == []
+    )  # the range widens
     assert states(finding.suggestion, "DBC")
 
 
@@ -69,5 +71,5 @@ def test_narrower_dbc_files_reject_more_values(tmp_path):
     text, path = shipped_file("twin.dbc").read_text(encoding="ascii"), tmp_path / "narrow.dbc"
     torque, small = "(0.025,0) [-102.375|102.375]", "(0.01,0) [-40.95|40.95]"
     path.write_text(text.replace(torque, small), encoding="ascii")
-    found = bus_value_range(load_case(None, "treadmill", [f"network={{dbc: {path}}}"]))
+    found = bus_value_range(load_case(None, "treadmill_guided", [f"network={{dbc: {path}}}"]))
     assert [finding.reason.partition(": ")[0] for finding in found] == ["control.limits.torque_Nm"]

@@ -101,7 +101,7 @@ NONSENSE = {
 def test_out_of_range_values_are_refused_with_the_range(setting: str) -> None:
     key, _, value = setting.partition("=")
     with pytest.raises(TwinGaitError) as caught:
-        load_experiment("treadmill", [setting])
+        load_experiment("treadmill_guided", [setting])
     message = str(caught.value)
     assert key.rpartition(".")[2] in message and "expected" in message and "\n" not in message
     assert f"{float(value):g}" in message or value in message

@@ -118,7 +118,7 @@ def walk(request):
     settings = ["duration_s=5"]
     if request.param != "ideal":
         settings += ["sensors.ideal=false", "sensors.angle_noise_rad=0.0002"]
-    return simulate(load_experiment("treadmill", settings).experiment)
+    return simulate(load_experiment("treadmill_guided", settings).experiment)
 
 
 def recorded(run) -> Recording:
@@ -146,15 +146,15 @@ def test_a_run_gives_the_same_switches_again(walk):
 
 def test_the_directory_of_a_run_has_its_table_scaled_to_the_wearer(tmp_path):
     settings = ["duration_s=5", "patient.height_m=1.6", "scenario.belt_speed_km_per_h=1.3"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     save_run(run, tmp_path / "run", pictures=False)
-    for table in (None, "treadmill"):
+    for table in (None, "treadmill_guided"):
         assert replay_log(str(tmp_path / "run"), table=table).switches == run.switches
 
 
 def test_a_run_whose_legs_were_held_is_replayed_up_to_the_trip(tmp_path):
     settings = ["duration_s=5", "faults=[encoder_missing:left_knee@3.2s]"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     save_run(run, tmp_path / "run", pictures=False)
     result = replay_log(str(tmp_path / "run"))
     assert run.trip is not None and result.recording.n_ticks == run.trip.tick == 3200
@@ -184,8 +184,8 @@ def test_a_run_is_replayed_with_the_commands_of_belt_and_modes(tmp_path, preset,
 def test_a_table_without_the_postures_of_a_run_is_refused(tmp_path):
     run = simulate(load_experiment("sit_to_stand", ["duration_s=1"]).experiment)
     save_run(run, tmp_path / "run", pictures=False)
-    with raises(ParameterError, "treadmill", "postures", "none"):
-        replay_log(str(tmp_path / "run"), table="treadmill")
+    with raises(ParameterError, "treadmill_guided", "postures", "none"):
+        replay_log(str(tmp_path / "run"), table="treadmill_guided")
 
 
 def test_another_threshold_moves_the_switches_and_lowers_the_share_of_equal_ticks(walk):
@@ -241,12 +241,12 @@ def assert_walks(result: Replay, cycle_time: float) -> None:
 @pytest.mark.parametrize("speed", [0.75, 1.0, 1.5, 3.0, 5.0])
 def test_healthy_walking_passes_through_all_five_phases_of_the_treadmill_table(speed):
     walk = normative_walk(f"koopman@{speed}", strides=4)
-    assert_walks(replay(walk, load_gait_table("treadmill")), cycle_time_at(speed))
+    assert_walks(replay(walk, load_gait_table("treadmill_guided")), cycle_time_at(speed))
 
 
 def test_healthy_walking_at_1_5_km_per_h_changes_phase_as_documented():
     walk = normative_walk("koopman@1.5", strides=3)
-    switches = replay(walk, load_gait_table("treadmill")).switches
+    switches = replay(walk, load_gait_table("treadmill_guided")).switches
     entries = {item.target: item.time for item in switches if item.side is Side.LEFT}  # the last of each
     share = {name: 100.0 * (instant / cycle_time_at(1.5) % 1.0) for name, instant in entries.items()}
     # Heel contact is at 0 %.
@@ -261,7 +261,7 @@ def test_healthy_walking_at_1_5_km_per_h_changes_phase_as_documented():
 
 def test_slower_walking_needs_a_table_whose_steps_shorten_with_the_speed():
     walk = normative_walk("koopman@0.5", strides=4)
-    written = load_gait_table("treadmill")
+    written = load_gait_table("treadmill_guided")
     shortening = replace(written, scaling=replace(written.scaling, speed_exponent=0.12))
     scaled = scale_table(shortening, carried_mass=None, speed=0.5 / 3.6)
     assert_walks(replay(walk, scaled), cycle_time_at(0.5))
@@ -278,7 +278,7 @@ def test_faster_walking_passes_through_the_table_of_the_bench_too():
 
 def test_the_walk_of_winter_passes_as_it_is():
     walk = normative_walk("winter", strides=4)
-    assert_walks(replay(walk, load_gait_table("treadmill")), WINTER_CYCLE_TIME)
+    assert_walks(replay(walk, load_gait_table("treadmill_guided")), WINTER_CYCLE_TIME)
 
 
 def test_the_normative_walk_is_the_regression_with_the_legs_half_a_stride_apart():

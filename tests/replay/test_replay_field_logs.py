@@ -314,9 +314,9 @@ def test_the_command_prints_and_stores_onsets_gaps_and_warnings(tmp_path, capsys
 
 
 def test_onsets_of_healthy_walking_follow_from_its_curves(capsys):
-    assert main(["replay", "koopman@1.5", "--table", "treadmill"]) == 0
+    assert main(["replay", "koopman@1.5", "--table", "treadmill_guided"]) == 0
     assert states(capsys.readouterr().out, "early_stance 0 %", "middle_stance 16 %")
-    result = replay_log("koopman@1.5", table="treadmill")
+    result = replay_log("koopman@1.5", table="treadmill_guided")
     onsets, strides = phase_onsets(result.phases[Side.LEFT]), stride_phases(result.phases[Side.LEFT])
     assert list(onsets) == [0, 1, 2, 3, 4] and all(len(values) == len(strides) for values in onsets.values())
     # Each switch, as a share of the stride that contains it.

@@ -27,7 +27,7 @@ HIP_COLUMN = "hip_flexion_angle_ipsi_rad"
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return simulate(load_experiment("treadmill", ["duration_s=12"]).experiment)
+    return simulate(load_experiment("treadmill_guided", ["duration_s=12"]).experiment)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def write(folder, frame: pd.DataFrame, name: str = "walk_phase.parquet"):
 
 
 def test_a_run_comes_back_with_the_same_phases_and_strides(run, strides):
-    result = replay_log(str(strides), table="treadmill", speed=run.experiment.scenario.walking.speed)
+    result = replay_log(str(strides), table="treadmill_guided", speed=run.experiment.scenario.walking.speed)
     begins = {side: run.leg_record(side).contacts.heel_strikes for side in Side}
     start, sample = begins[LEFT][0], np.diff(begins[LEFT]).max() / 149.0
     settled = begins[LEFT][1] - start  # in the first stride the legs do not have the phases of the run
@@ -101,7 +101,7 @@ def test_the_file_has_the_columns_units_and_facts_of_locohub(run, strides):
 
 @pytest.mark.slow  # compiles a loop
 def test_a_slope_turns_the_forces_and_names_the_task(tmp_path):
-    steep = simulate(load_experiment("treadmill", ["duration_s=6", "scenario.slope_deg=3"]).experiment)
+    steep = simulate(load_experiment("treadmill_guided", ["duration_s=6", "scenario.slope_deg=3"]).experiment)
     export_locohub(steep, tmp_path / "up.parquet")
     table, record = pd.read_parquet(tmp_path / "up.parquet"), steep.leg_record(LEFT)
     assert (
@@ -116,9 +116,10 @@ def test_a_slope_turns_the_forces_and_names_the_task(tmp_path):
 
 
 def test_a_walk_without_ground_or_without_a_stride_is_refused(tmp_path):
-    with raises(ParameterError, "treadmill", "stride"):
+    with raises(ParameterError, "treadmill_guided", "stride"):
         export_locohub(
-            simulate(load_experiment("treadmill", ["duration_s=0.5"]).experiment), tmp_path / "x.parquet"
+            simulate(load_experiment("treadmill_guided", ["duration_s=0.5"]).experiment),
+            tmp_path / "x.parquet",
         )
     bench = simulate(load_experiment("bench_leg", ["duration_s=0.01", "engine=pinocchio"]).experiment)
     with raises(ParameterError, "bench_leg", "ground", "heel strikes"):

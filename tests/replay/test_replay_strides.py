@@ -18,7 +18,7 @@ KOOPMAN = "koopman@1.5"
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory):
-    run = simulate(load_experiment("treadmill", ["duration_s=12"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=12"]).experiment)
     folder = tmp_path_factory.mktemp("run") / "walk"
     run.save(folder)
     return folder

@@ -577,19 +577,19 @@ def twin_gait_diagram(*arguments: str) -> int:
 
 
 def test_command_prints_a_format(capsys: pytest.CaptureFixture[str]) -> None:
-    table = TABLES["treadmill"]
+    table = TABLES["treadmill_guided"]
     for words, text in (
         ([], transition_table(table)),
         (["--format", "truth"], truth_table(table)),
         (["--format", "svg"], state_diagram_svg(table)),
         (["--format", "mermaid"], state_diagram_mermaid(table)),
     ):
-        assert twin_gait_diagram("treadmill", *words) == 0
+        assert twin_gait_diagram("treadmill_guided", *words) == 0
         assert capsys.readouterr().out == text
 
 
 def test_command_reads_a_file_and_refuses_a_file_that_is_not_a_table(tmp_path: Path) -> None:
-    with raises(TwinGaitError, "moonwalk", "treadmill"):
+    with raises(TwinGaitError, "moonwalk", "treadmill_guided"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"
     broken.write_text("schema_version: 2\njoints: [hip]\nphases: {}\ntransitions: []\n")

@@ -136,7 +136,7 @@ def test_plot_draws_all_figures_of_the_run(folder):
 
 @pytest.mark.slow  # draws all figures three times
 def test_plot_completes_the_screen_figures_of_a_run_folder(tmp_path, capsys):
-    run = simulate(load_experiment("treadmill", ["duration_s=6"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=6"]).experiment)
     folder, without = run.save(tmp_path / "walk"), save_run(run, tmp_path / "bare", pictures=False)
     first = {path.name: path.read_bytes() for path in (folder / "figures").iterdir()}
     for one in (folder, without):

@@ -14,7 +14,7 @@ from twin_gait.runs.summary import describe_identity
 from twin_gait.vocabulary import JointName
 
 
-def notes(*settings, preset="treadmill"):
+def notes(*settings, preset="treadmill_guided"):
     return reference_notes(load_experiment(preset, list(settings)).experiment)
 
 
@@ -41,7 +41,7 @@ def test_only_a_known_age_outside_of_that_of_the_subjects_is_stated(age, count):
 
 def test_a_measured_reference_has_no_age_and_errors_at_any_speed():
     settings = ["patient.age_years=9", "scenario.belt_speed_km_per_h=0.4"]
-    experiment = load_experiment("treadmill", settings).experiment
+    experiment = load_experiment("treadmill_guided", settings).experiment
     own = ReferenceGait(source="own", strides=1, subjects=1, mean={JointName.KNEE: (0.5,) * 101})
     (note,) = reference_notes(replace(experiment, reference=own))
     assert "missing" not in note and states(note, "effort", "use 0.5 km/h")
@@ -53,7 +53,9 @@ def test_nothing_is_stated_without_a_walk_or_a_wearer():
 
 
 def test_terminal_page_and_summary_read_the_same_note():
-    experiment = load_experiment("treadmill", ["patient.age_years=9", "patient.mass_kg=130"]).experiment
+    experiment = load_experiment(
+        "treadmill_guided", ["patient.age_years=9", "patient.mass_kg=130"]
+    ).experiment
     (note,) = reference_notes(experiment)
     assert extrapolation_note(describe_identity(experiment)).endswith(note)
     assert states(extrapolation_note(describe_identity(experiment)), "130 kg")
@@ -61,4 +63,4 @@ def test_terminal_page_and_summary_read_the_same_note():
 
 def test_an_age_has_a_range():
     with raises(ParameterFileError, "patient.age_years", "0 to 130 years", "-1"):
-        load_experiment("treadmill", ["patient.age_years=-1"])
+        load_experiment("treadmill_guided", ["patient.age_years=-1"])

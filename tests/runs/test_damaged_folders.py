@@ -23,7 +23,7 @@ Damage = Callable[[Path], object]
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    run = simulate(load_experiment("treadmill", ["duration_s=2.5"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=2.5"]).experiment)
     return save_run(run, tmp_path_factory.mktemp("runs") / "walk", pictures=False)
 
 
@@ -119,7 +119,7 @@ def test_phases_as_plain_text_are_accepted(kept: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ticks", [1, 2, 3])
 def test_a_run_of_a_few_ticks_is_drawn_and_read_again(ticks: int, tmp_path: Path) -> None:
-    run = simulate(load_experiment("treadmill", [f"duration_s={ticks / 1000}"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", [f"duration_s={ticks / 1000}"]).experiment)
     folder = save_run(run, tmp_path / "walk")
     assert load_run(folder).log.equals(run.log)
     assert main(["view", str(folder), "--out", str(tmp_path / "page.html")]) == 0

@@ -36,7 +36,7 @@ DIFFERENCES = {
 }
 
 
-def experiment(*settings: str, source: str | Path = "treadmill") -> Experiment:
+def experiment(*settings: str, source: str | Path = "treadmill_guided") -> Experiment:
     return load_experiment(source, ["duration_s=0.02", *settings]).experiment
 
 
@@ -68,7 +68,7 @@ def test_a_changed_person_is_named_and_marked_as_changed() -> None:
     shipped, changed = experiment("patient=stroke_left"), experiment(*STROKE)
     digest = summarise_run(simulate(changed))["patient"]["sha256"]
     walk, device = "1.50 km/h, 60 % of the weight supported", "device twin"
-    parts = ["stroke_left, 70 kg, 1.75 m", walk, "table treadmill", device, "controller impedance"]
+    parts = ["stroke_left, 70 kg, 1.75 m", walk, "table treadmill_guided", device, "controller impedance"]
     assert describe(shipped) == parts
     assert describe(changed)[0] == f"stroke_left with changes ({digest[:6]}), 62 kg, 1.63 m"
     assert describe(experiment(*STROKE, "patient.effort_noise=0.3"))[0] != describe(changed)[0]
@@ -79,7 +79,9 @@ def test_a_changed_person_is_named_and_marked_as_changed() -> None:
 
 def test_own_parts_are_named_by_their_files_and_two_versions_differ(tmp_path: Path) -> None:
     (tmp_path / "anna.yaml").write_text("mass_kg: 60\nleft: {knee: {passive: 1}}\n", encoding="utf-8")
-    (tmp_path / "slow.yaml").write_text("extends: treadmill\nblending: {duration_ms: 90}\n", encoding="utf-8")
+    (tmp_path / "slow.yaml").write_text(
+        "extends: treadmill_guided\nblending: {duration_ms: 90}\n", encoding="utf-8"
+    )
     settings = [f"{key}={tmp_path / name}.yaml" for key, name in (("patient", "anna"), ("table", "slow"))]
     found = describe(experiment(*settings))
     for text, name in zip(
@@ -102,7 +104,7 @@ def test_presets_are_as_shipped(preset: str) -> None:
 
 @pytest.mark.parametrize("typed", [True, False])
 def test_names_are_read_back_from_a_run_folder(typed: bool, tmp_path: Path) -> None:
-    loaded = load_experiment("treadmill", ["duration_s=0.02", *STROKE])
+    loaded = load_experiment("treadmill_guided", ["duration_s=0.02", *STROKE])
     run = simulate(loaded.experiment)
     document = resolved_document(loaded.experiment, loaded.document if typed else None, {})
     assert document["patient"]["name"] == "stroke_left"

@@ -101,7 +101,7 @@ def test_log_carries_units_schema_version_and_status(directory):
 
 
 def test_every_column_has_a_unit():
-    names = log_layout(build_setup(load_experiment("treadmill").experiment)).names
+    names = log_layout(build_setup(load_experiment("treadmill_guided").experiment)).names
     without = {name.split("_", 2)[2] for name in names if unit_of(name) == "1"}
     assert without == {"friction_compensation_gain", "cop_ratio"}
 

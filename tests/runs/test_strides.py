@@ -26,12 +26,12 @@ CHANGES = (
     " {time_s: 19.7, fade_ms: 500, set: {scenario.belt_speed_km_per_h: 1.6}, by: Ann}]"
 )
 RUNS = {
-    "walk": ("treadmill", "duration_s=10"),
-    "stroke": ("treadmill", "patient=stroke_left", "duration_s=10"),
-    "brace": ("treadmill", "interface=brace", "duration_s=8"),
+    "walk": ("treadmill_guided", "duration_s=10"),
+    "stroke": ("treadmill_guided", "patient=stroke_left", "duration_s=10"),
+    "brace": ("treadmill_guided", "interface=brace", "duration_s=8"),
     "overground": ("overground", "duration_s=12"),
-    "fault": ("treadmill", "faults=['supply_loss_shorted@8s']", "duration_s=9"),
-    "session": ("treadmill", CHANGES, "duration_s=30"),
+    "fault": ("treadmill_guided", "faults=['supply_loss_shorted@8s']", "duration_s=9"),
+    "session": ("treadmill_guided", CHANGES, "duration_s=30"),
     "bench": ("bench_leg", "duration_s=8"),
 }
 
@@ -138,6 +138,6 @@ def test_statistics_count_values_that_are_defined() -> None:
 
 
 def test_a_run_without_strides_has_an_empty_table_with_all_columns() -> None:
-    run = simulate(load_experiment("treadmill", ["duration_s=0.1"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=0.1"]).experiment)
     assert len(run.strides) == 0 and {"knee_error_total_deg", "slip_m"} <= set(run.strides.columns)
     assert summarise_run(run)["stride_statistics"] == {}

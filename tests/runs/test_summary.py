@@ -449,8 +449,8 @@ def test_motion_in_the_hold_is_not_counted_as_gait(walk: Run, summary: dict[str,
 
 
 def test_summary_states_a_wearer_for_whom_the_model_is_extrapolated() -> None:
-    usual = describe_identity(load_experiment("treadmill").experiment)
+    usual = describe_identity(load_experiment("treadmill_guided").experiment)
     assert usual["patient"]["notes"] == "" and extrapolation_note(usual) == ""
-    heavy = describe_identity(load_experiment("treadmill", ["patient.mass_kg=130"]).experiment)
+    heavy = describe_identity(load_experiment("treadmill_guided", ["patient.mass_kg=130"]).experiment)
     assert "mass 130 kg" in extrapolation_note(heavy) and "110 kg of the device" in extrapolation_note(heavy)
     assert extrapolation_note(describe_identity(load_experiment("bench_leg").experiment)) == ""

@@ -48,9 +48,11 @@ def own(tmp_path: Path) -> Path:
     dbc = original("twin.dbc").read_text(encoding="utf-8") + '\nCM_ "of this laboratory";\n'
     (folder / "bus.dbc").write_text(dbc, encoding="utf-8")
     (folder / "person.yaml").write_text("schema_version: 2\nname: p\nmass_kg: 71\nheight_m: 1.7\n")
-    (folder / "table.yaml").write_text("extends: treadmill\nblending: {duration_ms: 35}\n", encoding="utf-8")
+    (folder / "table.yaml").write_text(
+        "extends: treadmill_guided\nblending: {duration_ms: 35}\n", encoding="utf-8"
+    )
     document = {
-        "preset": "treadmill", "duration_s": 0.4, "leg": {"urdf": "robot/urdf/leg.urdf"},
+        "preset": "treadmill_guided", "duration_s": 0.4, "leg": {"urdf": "robot/urdf/leg.urdf"},
         "network": {"dbc": "bus.dbc"}, "patient": "person.yaml", "table": "table.yaml",
     }  # fmt: skip
     (folder / "mine.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
@@ -114,11 +116,11 @@ def test_a_copy_that_was_changed_is_refused(own: Path, tmp_path: Path) -> None:
         load_run(folder)
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "bench_leg"])
 def test_files_that_ship_are_named_and_not_copied(preset: str, tmp_path: Path) -> None:
     run = simulate(
         load_experiment(
-            preset, ["duration_s=0.2", "network=can"] if preset == "treadmill" else ["duration_s=0.2"]
+            preset, ["duration_s=0.2", "network=can"] if preset == "treadmill_guided" else ["duration_s=0.2"]
         ).experiment
     )
     folder = save_run(run, tmp_path / "walk", pictures=False)
@@ -131,7 +133,7 @@ def test_files_that_ship_are_named_and_not_copied(preset: str, tmp_path: Path) -
 def test_a_path_from_the_working_folder_is_kept_too(own: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(own)
     loaded = load_experiment(
-        "treadmill", ["leg.urdf=robot/urdf/leg.urdf", "network.dbc=bus.dbc", "duration_s=0.2"]
+        "treadmill_guided", ["leg.urdf=robot/urdf/leg.urdf", "network.dbc=bus.dbc", "duration_s=0.2"]
     )
     monkeypatch.chdir(tmp_path)  # a script may go elsewhere before it saves
     run = simulate(loaded.experiment)

@@ -34,7 +34,7 @@ OVERRIDES[FALLING] = {
 
 @pytest.fixture(scope="module")
 def walk() -> Experiment:
-    return load_experiment("treadmill", ["duration_s=6", "engine=compiled"]).experiment
+    return load_experiment("treadmill_guided", ["duration_s=6", "engine=compiled"]).experiment
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_order_does_not_matter(walk, alone):
 
 def test_a_row_is_the_summary_of_its_episode(walk, alone):
     settings = ["duration_s=6", "engine=compiled", "patient.mass_kg=82", "scenario.belt_speed_m_per_s=0.41"]
-    by_command_line = load_experiment("treadmill", settings).experiment
+    by_command_line = load_experiment("treadmill_guided", settings).experiment
     assert override_experiment(walk, OVERRIDES[11]) == by_command_line
     summary, row = summarise_run(simulate(by_command_line)), alone.iloc[11]
     assert row["patient.mass_kg"] == 82.0

@@ -72,13 +72,13 @@ def bench_run():
 @pytest.fixture(scope="module")
 def walk():
     settings = ["interface=brace", "patient=stroke_left", "duration_s=14"]  # the strides that a verdict needs
-    return simulate(load_experiment("treadmill", settings).experiment)
+    return simulate(load_experiment("treadmill_guided", settings).experiment)
 
 
 # ---------------------------------------------------------------------- the bodies
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "bench_leg"])
 def test_device_and_wearer_add_up_to_the_whole(preset):
     world = load_experiment(preset, ["patient.mass_kg=62", "interface=brace"]).experiment.build_world()
     assert world.braces is not None
@@ -217,7 +217,7 @@ def test_the_brace_at_the_pelvis_carries_the_weight_of_the_device(walk):
 @pytest.mark.slow
 def test_both_engines_walk_the_same_walk():
     settings = ["interface=brace", "patient=stroke_left", "duration_s=0.8", "sensors.ideal=true"]
-    compiled = load_experiment("treadmill", settings).experiment
+    compiled = load_experiment("treadmill_guided", settings).experiment
     plain = replace(compiled, engine=Engine.PINOCCHIO, integration=compiled.resolved_integration)
     first, second = simulate(compiled), simulate(plain)
     assert first.switches == second.switches and len(first.switches) > 2
@@ -280,7 +280,7 @@ def test_a_step_is_stable_up_to_the_stated_brace_stiffness(method):
 def test_the_lightest_wearer_needs_no_finer_step(engine):
     """Of the sizes that the device is made for."""
     settings = ["patient.mass_kg=30", "patient.height_m=1.47", "interface=brace", f"engine={engine}"]
-    for preset in ("treadmill", "bench_leg"):
+    for preset in ("treadmill_guided", "bench_leg"):
         assert load_experiment(preset, settings).experiment.build_world().braces is not None
 
 
@@ -313,22 +313,24 @@ def test_the_lightest_wearer_needs_no_finer_step(engine):
 )
 def test_a_mistake_is_one_line_with_its_location(value, facts):
     with pytest.raises(TwinGaitError) as caught:
-        load_experiment("treadmill", [f"interface={value}"]).experiment.build_world()
+        load_experiment("treadmill_guided", [f"interface={value}"]).experiment.build_world()
     assert states(str(caught.value), *facts) and "\n" not in str(caught.value)
 
 
 def test_braces_too_stiff_for_any_step_are_refused_with_a_softer_value():
     endless = BraceParameters(ankle=idealised(SpringDamper(stiffness=1.0, damping=3.0), stiffness=1e300))
     with raises(TwinGaitError, "interface", "0.25 ms", "rk4"):
-        replace(load_experiment("treadmill").experiment, interface=endless).build_world()
+        replace(load_experiment("treadmill_guided").experiment, interface=endless).build_world()
 
 
 def test_the_suggested_step_is_stable_for_the_braces():
     stiff = "interface={kind: brace, ankle: {damping_Nms_per_rad: 1000}}"
     with raises(TwinGaitError, "interface", "0.25 ms", "integration.step_ms") as caught:
-        load_experiment("treadmill", [stiff]).experiment.build_world()
+        load_experiment("treadmill_guided", [stiff]).experiment.build_world()
     step = str(caught.value).split("step_ms to ")[1].split()[0]
-    world = load_experiment("treadmill", [stiff, f"integration.step_ms={step}"]).experiment.build_world()
+    world = load_experiment(
+        "treadmill_guided", [stiff, f"integration.step_ms={step}"]
+    ).experiment.build_world()
     assert world.braces is not None
 
 
@@ -339,17 +341,17 @@ def test_braces_need_a_wearer():
 
 def test_braces_survive_their_file(tmp_path):
     chosen = "interface={kind: brace, hip: {stiffness_Nm_per_rad: 812.5}}"
-    experiment = load_experiment("treadmill", [chosen]).experiment
+    experiment = load_experiment("treadmill_guided", [chosen]).experiment
     assert experiment.interface is not None
     assert experiment.interface.hip == replace(BraceParameters().hip, stiffness=812.5)
     assert experiment_from_mapping(experiment_document(experiment), "made", tmp_path) == experiment
 
 
 def test_presets_have_rigid_braces():
-    plain = load_experiment("treadmill").experiment
+    plain = load_experiment("treadmill_guided").experiment
     assert plain.interface is None
     braced = ["interface=brace", "interface=rigid"]
-    assert load_experiment("treadmill", braced).experiment == plain
+    assert load_experiment("treadmill_guided", braced).experiment == plain
 
 
 # ---------------------------------------------------------------------- measures

@@ -92,7 +92,9 @@ def test_energies_and_root_wrench_of_any_tree_equal_pinocchio(seed, joints):
 def test_another_wearer_needs_no_other_kernel():
     texts = set()
     for mass in (60, 80):
-        model = load_experiment("treadmill", [f"patient.mass_kg={mass}"]).experiment.build_world().model
+        model = (
+            load_experiment("treadmill_guided", [f"patient.mass_kg={mass}"]).experiment.build_world().model
+        )
         frames = [name for leg in model.legs.values() for name in leg.contact_frames]
         bodies = export_bodies(model.model)
         texts.add(write_kernel(KernelBodies(bodies, contact_points(model.model, frames), bodies, "z")))
@@ -100,7 +102,7 @@ def test_another_wearer_needs_no_other_kernel():
 
 
 def test_results_of_a_kernel_are_named_by_joint_and_quantity_in_commented_blocks():
-    model = load_experiment("treadmill").experiment.build_world().model
+    model = load_experiment("treadmill_guided").experiment.build_world().model
     frames = [name for leg in model.legs.values() for name in leg.contact_frames]
     bodies = export_bodies(model.model)
     longest = bodies[-1]._replace(name="a joint, of a very long name: 0123456789")
@@ -125,7 +127,7 @@ def test_results_of_a_kernel_are_named_by_joint_and_quantity_in_commented_blocks
 
 
 def test_names_of_joints_belong_to_the_structure_of_a_kernel():
-    bodies = export_bodies(load_experiment("treadmill").experiment.build_world().model.model)
+    bodies = export_bodies(load_experiment("treadmill_guided").experiment.build_world().model.model)
     renamed = [bodies[0]._replace(name="other"), *bodies[1:]]
     first, second = (kernel_key(KernelBodies(each, [], each, "z")) for each in (bodies, renamed))
     assert first != second
@@ -187,9 +189,9 @@ ACTIVE = (
 SENSED = "sensors={ideal: false, angle_noise_deg: 0.001}"
 CRUTCHES = ("overground", "integration={method: rk4, step_ms: 0.5}", SENSED, LIFTED_SOON)
 CASES = {
-    "treadmill": ("treadmill", "duration_s=3", EULER),
+    "treadmill_guided": ("treadmill_guided", "duration_s=3", EULER),
     "treadmill, rk4": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=0.6",
         "integration.method=rk4",
         "integration.step_ms=0.25",
@@ -205,7 +207,7 @@ CASES = {
         "scenario.imposed_motion={joint: knee, amplitude_deg: 40, release_s: 1.5}",
     ),
     "gears that lose under load": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=2",
         EULER,
         "plant.actuators.hip.gear_efficiency=0.85",
@@ -213,7 +215,7 @@ CASES = {
     ),
     # The structures of cases further down, whose loops are compiled anyway.
     "uphill, commands late": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=1",
         EULER,
         "scenario.slope_deg=4",
@@ -259,8 +261,8 @@ def test_engines_agree_in_every_column(case):
 @pytest.mark.slow
 def test_engines_agree_over_the_default_walk():
     """Twenty seconds on the belt: angles to 1e-9 rad and every switch in the same tick."""
-    ours = simulate(load_experiment("treadmill", [EULER, "engine=compiled"]).experiment)
-    theirs = simulate(load_experiment("treadmill", [EULER, "engine=pinocchio"]).experiment)
+    ours = simulate(load_experiment("treadmill_guided", [EULER, "engine=compiled"]).experiment)
+    theirs = simulate(load_experiment("treadmill_guided", [EULER, "engine=pinocchio"]).experiment)
     assert ours.switches == theirs.switches
     for column in [name for name in theirs.log.columns if name.endswith("_angle_rad")]:
         np.testing.assert_allclose(ours.log[column], theirs.log[column], atol=1e-9, rtol=0, err_msg=column)
@@ -271,7 +273,7 @@ def test_engines_pass_the_same_phases_with_quantised_sensors():
     """Five strides of either leg: a count of the encoder may flip, a phase may not."""
     changes = ["duration_s=12", EULER, "sensors.ideal=false"]
     runs = [
-        simulate(load_experiment("treadmill", [*changes, f"engine={engine}"]).experiment)
+        simulate(load_experiment("treadmill_guided", [*changes, f"engine={engine}"]).experiment)
         for engine in ("compiled", "pinocchio")
     ]
     for side in ("left", "right"):
@@ -284,7 +286,7 @@ def test_engines_pass_the_same_phases_with_quantised_sensors():
 def test_a_fall_and_a_divergence_end_the_compiled_run_too():
     fall = ["duration_s=4", "scenario.support={share: 0, lock_stiffness_N_per_m: 0}", "engine=compiled"]
     limp = "table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"
-    assert simulate(load_experiment("treadmill", [*fall, limp]).experiment).status == "fell"
+    assert simulate(load_experiment("treadmill_guided", [*fall, limp]).experiment).status == "fell"
     stiff = ["duration_s=1", "plant.stops.stiffness_Nm_per_rad=1e7", "engine=compiled"]
     beyond = "scenario.start={hip_deg: 20, knee_deg: -20}"
     run = simulate(load_experiment("bench_leg", [*stiff, beyond]).experiment)
@@ -346,8 +348,8 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("preset", "setting"),
     [
-        ("treadmill", "patient=stroke_left"),
-        ("treadmill", "patient=complete_sci"),
+        ("treadmill_guided", "patient=stroke_left"),
+        ("treadmill_guided", "patient=complete_sci"),
         ("bench_leg", "patient=stroke_left"),
         ("overground", "sensors.ideal=false"),
     ],
@@ -411,7 +413,7 @@ PLAIN_CASES = {
     ),
     "a free trunk by an inertial unit, on crutches": CRUTCHES,
     "treadmill with a wearer who acts, under faults": (
-        "treadmill",
+        "treadmill_guided",
         EULER,
         SENSED,
         "sensors.offset.left.knee_deg=-2",
@@ -422,14 +424,14 @@ PLAIN_CASES = {
         "faults=['encoder_drift:left_knee@0.02s=5deg/s', 'motor_stuck:right_hip@0.15s=20Nm']",
     ),
     "treadmill in braces, rk4": (
-        "treadmill",
+        "treadmill_guided",
         "integration={method: rk4, step_ms: 0.5}",
         "patient=stroke_left",
         "interface=brace",
         "duration_s=0.1",
     ),
     "treadmill, a path and adaptive help": (
-        "treadmill",
+        "treadmill_guided",
         EULER,
         "control.mode=position",
         "control.assistance={adaptive: true, hip: 0.9}",
@@ -504,11 +506,11 @@ def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     assert called == ({b"pow"} if "lugre" in repr(case) else set())
 
 
-@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill_guided"])
 def test_the_cases_above_change_phase(preset):
     cases = [
         changes for case, (name, *changes) in PLAIN_CASES.items() if name == preset and case not in SLOW_CASES
     ]
     runs = [simulate(load_experiment(preset, ["duration_s=0.3", *changes]).experiment) for changes in cases]
     assert any(run.switches for run in runs)
-    assert any(run.trip for run in runs) == (preset == "treadmill")
+    assert any(run.trip for run in runs) == (preset == "treadmill_guided")

@@ -43,7 +43,7 @@ MODES = {
 
 
 def experiment(*settings: str) -> Experiment:
-    return load_experiment("treadmill", [WEARER, *settings]).experiment
+    return load_experiment("treadmill_guided", [WEARER, *settings]).experiment
 
 
 def reference_path(config: Experiment) -> Walk:
@@ -205,7 +205,9 @@ def test_position_tracking_walks_a_minute():
 
     With the ankle orthosis for which the path was chosen; with that of the preset the walk ends in a trip.
     """
-    config = load_experiment("treadmill", ["control.mode=position", "duration_s=60", STIFF_ANKLE]).experiment
+    config = load_experiment(
+        "treadmill_guided", ["control.mode=position", "duration_s=60", STIFF_ANKLE]
+    ).experiment
     assert config.control.safety.enabled
     run = simulate(config)
     assert run.status is RunStatus.COMPLETED and run.trip is None and run.verdict.outcome is Outcome.WALKED

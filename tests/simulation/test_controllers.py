@@ -59,7 +59,7 @@ class FadingHelp(Controller):
 @pytest.mark.slow
 def test_a_controller_of_twenty_lines_has_memory_by_leg_and_reads_phases():
     settings = ["duration_s=4", "engine=pinocchio"]
-    run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())
+    run = simulate(load_experiment("treadmill_guided", settings).experiment, controller=FadingHelp())
     problem = build_setup(run.experiment)
     for number, side in enumerate(problem.sides):
         codes = np.asarray(run.log[f"{side}_phase"].cat.codes)
@@ -356,4 +356,4 @@ def test_a_module_of_the_folder_is_a_mode():
 def test_a_mode_whose_tick_is_not_static_is_refused_like_an_own_controller(monkeypatch):
     monkeypatch.setattr(Position, "tick", lambda memory, device, tick, period: None)
     with raises(ParameterError, "Position", TAKES):
-        build_setup(load_experiment("treadmill", ["control.mode=position"]).experiment)
+        build_setup(load_experiment("treadmill_guided", ["control.mode=position"]).experiment)

@@ -25,7 +25,7 @@ ARMATURE = KNEE_ACTUATOR.armature
 
 
 def walk(*settings: str) -> Run:
-    return simulate(load_experiment("treadmill", ["duration_s=8", *FREE, *settings]).experiment)
+    return simulate(load_experiment("treadmill_guided", ["duration_s=8", *FREE, *settings]).experiment)
 
 
 @pytest.fixture(scope="module")

@@ -210,7 +210,7 @@ def test_two_drivers_of_one_name_have_each_its_own_text():
 
 
 def test_every_declared_flag_of_a_tick_is_set_for_an_experiment():
-    problem = build_setup(load_experiment("treadmill", []).experiment)
+    problem = build_setup(load_experiment("treadmill_guided", []).experiment)
     found = compute_build_flags(problem, 4)
     assert build_flags.FLAGS.keys() | device_schedule.FLAGS.keys() <= found.keys()
     assert schedule.NAMES.flags == {**device_schedule.FLAGS, **build_flags.FLAGS}

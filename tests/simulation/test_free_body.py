@@ -68,7 +68,7 @@ def recorded(guide: str, ticks: int) -> tuple[list[Recorded], np.ndarray, list[i
         ``(n, 2)``; and where its coordinates stand among those of a free trunk.
     """
     settings = ["sensors.ideal=true", f"scenario.support.guide={guide}", f"duration_s={ticks / 1000}"]
-    guided = build_setup(load_experiment("treadmill", ["engine=pinocchio", *settings]).experiment)
+    guided = build_setup(load_experiment("treadmill_guided", ["engine=pinocchio", *settings]).experiment)
     functions = PinocchioKernel(guided.world, guided.control_model).functions
     last: list[Recorded] = []
     seen: list[Recorded] = []
@@ -116,7 +116,7 @@ def test_a_free_trunk_under_the_recorded_guide_force_equals_the_guided_one(guide
 def test_integrated_under_that_force_it_stays_with_the_guided_one():
     """Integrate both for half a second in steps of 0.1 ms, with the guide force of the guided walk."""
     guided, model = (
-        load_experiment("treadmill").experiment.build_world().model,
+        load_experiment("treadmill_guided").experiment.build_world().model,
         problem_of(NO_CRUTCHES).world.model,
     )
     q, whole = np.zeros(guided.nv), np.zeros(model.nv)

@@ -70,7 +70,7 @@ def test_accelerations_equal_pinocchio_with_the_gear_loss_at_these_accelerations
 
 
 def test_signs_of_the_previous_evaluation_have_no_influence(rng: np.random.Generator) -> None:
-    problem = problem_of("treadmill")
+    problem = problem_of("treadmill_guided")
     e, evaluate = motion_of(problem)
     geared = [i for i, plant in enumerate(e.plant) if plant.friction.law != FRICTIONLESS]
     assert len(geared) == 4
@@ -106,7 +106,7 @@ def test_runge_kutta_is_of_fourth_order_under_the_losses() -> None:
 
 
 def test_energy_is_balanced_and_the_gears_only_take_it() -> None:
-    run = simulate(load_experiment("treadmill", [*GEARS, "duration_s=2"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", [*GEARS, "duration_s=2"]).experiment)
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     balance = energy_balance(energy, run.log.filter(like="_work_J").to_numpy().T)
     assert balance["energy_residual_share"] < 1e-9

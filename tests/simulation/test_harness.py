@@ -18,7 +18,9 @@ COUPLED = ("interface=brace", "patient=stroke_left", "integration.step_ms=0.1")
 
 def walk_of(*changes: str):
     return simulate(
-        load_experiment("treadmill", ["duration_s=3", "sensors.ideal=true", HARNESS, *changes]).experiment
+        load_experiment(
+            "treadmill_guided", ["duration_s=3", "sensors.ideal=true", HARNESS, *changes]
+        ).experiment
     )
 
 
@@ -92,7 +94,7 @@ def test_a_wearer_in_braces_is_attached_to_the_harness():
     log = walk_of(*COUPLED, "duration_s=1").log
     apart = log["pelvis_forward_m"] - log["wearer_pelvis_forward_m"]
     rate = log["pelvis_forward_velocity_m_per_s"] - log["wearer_pelvis_forward_velocity_m_per_s"]
-    brace = load_experiment("treadmill", [HARNESS, *COUPLED]).experiment.build_world().braces.braces[0]
+    brace = load_experiment("treadmill_guided", [HARNESS, *COUPLED]).experiment.build_world().braces.braces[0]
     np.testing.assert_allclose(
         log["pelvis_forward_brace_force_N"], brace.stiffness * apart + brace.damping * rate, atol=1e-8
     )
@@ -110,4 +112,4 @@ def test_a_wearer_in_braces_is_attached_to_the_harness():
 )
 def test_an_impossible_harness_is_refused(change, facts):
     with raises(TwinGaitError, *facts):
-        load_experiment("treadmill", [f"scenario.{change}"])
+        load_experiment("treadmill_guided", [f"scenario.{change}"])

@@ -177,21 +177,21 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
         "scenario.imposed_motion={joint: knee, amplitude_deg: 20, frequency_Hz: 0.5, release_s: 0.9}",
     ),
     "a treadmill, RK4, and a wearer that acts": (
-        "treadmill",
+        "treadmill_guided",
         RK4 % 0.25,
         "patient=stroke_left",
         "patient.effort_noise=0.2",
         *NOISE,
     ),
     "braces, and a trunk in straps": (
-        "treadmill",
+        "treadmill_guided",
         EULER % 0.1,
         "interface=brace",
         "scenario.support.pitch=soft",
         *NOISE,
     ),
     "faults, commands late, slopes, adaptive assistance and inertia compensation": (
-        "treadmill",
+        "treadmill_guided",
         EULER % 0.25,
         "faults=['motor_dead:left_hip@1s']",
         "control.assistance={hip: 0.7, knee: 0.8, adaptive: true}",
@@ -260,7 +260,7 @@ def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> 
 
 
 def test_every_shared_field_exists_and_is_equal_in_all_lanes_of_a_block(uncompiled):
-    engine = uncompiled("treadmill", [])
+    engine = uncompiled("treadmill_guided", [])
     shared, kind, found = shared_words(engine.store.dtype), block_key(engine), set()
     words = engine.store.view(np.int64)
     for name, position in numbers_of(engine.store.dtype):
@@ -275,8 +275,8 @@ def test_every_shared_field_exists_and_is_equal_in_all_lanes_of_a_block(uncompil
 RUNS: dict[str, tuple[str, ...]] = {
     "bench_leg": ("bench_leg",),
     "bench_leg, trip": ("bench_leg", "control.safety.phase_timeout_s=0.2"),
-    "treadmill": ("treadmill",),
-    "treadmill, trip": ("treadmill", "control.safety.phase_timeout_s=0.2"),
+    "treadmill_guided": ("treadmill_guided",),
+    "treadmill, trip": ("treadmill_guided", "control.safety.phase_timeout_s=0.2"),
     "treadmill_start_stop": ("treadmill_start_stop", "scenario.belt.start_s=0.2"),
 }
 
@@ -299,7 +299,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
 
 
 def test_a_block_stores_numbers_of_all_lanes_contiguously_and_pads_with_copies(uncompiled):
-    engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
+    engines = [uncompiled("treadmill_guided", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
     block = interleave([engine.store for engine in engines])
     dtype = engines[0].store.dtype
     assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
@@ -560,13 +560,13 @@ def test_a_loop_over_lanes_is_vector_code_with_correct_results(function, capfd):
 def bench_and_treadmill() -> dict[str, SimulationSetup]:
     return {
         "bench": build_setup(load_experiment("bench_leg", [EULER % 1]).experiment),
-        "treadmill": build_setup(load_experiment("treadmill", [RK4 % 0.25, *NOISE]).experiment),
+        "treadmill_guided": build_setup(load_experiment("treadmill_guided", [RK4 % 0.25, *NOISE]).experiment),
     }
 
 
 @pytest.mark.slow
 @pytest.mark.compile
-@pytest.mark.parametrize("name", ["bench", "treadmill"])
+@pytest.mark.parametrize("name", ["bench", "treadmill_guided"])
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     engine = CompiledEngine(bench_and_treadmill()[name])
     rows = len(engine.layout.names), engine.noise.shape[1]

@@ -26,7 +26,7 @@ HARNESS = "scenario.support.guide=harness"
 BRACED = ["patient=stroke_left", "interface=brace", HARNESS]
 LAYOUTS = [
     log_layout(build_setup(load_experiment(preset, given).experiment))
-    for preset, given in (*((name, []) for name in presets()), ("treadmill", BRACED))
+    for preset, given in (*((name, []) for name in presets()), ("treadmill_guided", BRACED))
 ]
 # Unit suffixes of names, written independently of the package.
 SUFFIXES = {
@@ -88,7 +88,7 @@ def test_braces_and_muscles_are_sources_of_work_if_present() -> None:
         assert {f"{name}_work_J" for name in sources} <= set(layout.names)
 
 
-@pytest.mark.parametrize("given", [("bench_leg",), ("treadmill",), ("treadmill", HARNESS)])
+@pytest.mark.parametrize("given", [("bench_leg",), ("treadmill_guided",), ("treadmill_guided", HARNESS)])
 def test_a_run_has_the_columns_of_its_layout_and_the_time(given: tuple[str, ...]) -> None:
     experiment = load_experiment(given[0], ["duration_s=0.02", *given[1:]]).experiment
     layout = log_layout(build_setup(experiment))
@@ -98,7 +98,7 @@ def test_a_run_has_the_columns_of_its_layout_and_the_time(given: tuple[str, ...]
 
 
 def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
-    problem = build_setup(load_experiment("treadmill", BRACED).experiment)
+    problem = build_setup(load_experiment("treadmill_guided", BRACED).experiment)
     model: LegModel = problem.world.model
     for wearer in (False, True):
         positions, velocities = state_columns(model, wearer=wearer)
@@ -114,7 +114,7 @@ def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
 
 
 def test_the_table_is_made_of_the_columns_when_it_is_read() -> None:
-    run = simulate(load_experiment("treadmill", ["duration_s=0.05"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=0.05"]).experiment)
     assert isinstance(run.columns, LogArrays)
     columns = {name: run.columns[name] for name in ("time_s", "left_phase", "right_knee_angle_rad")}
     assert "pelvis_forward_m" in run.columns and "left_elbow_angle_rad" not in run.columns

@@ -141,7 +141,7 @@ def code(name: str) -> int:
 
 @pytest.fixture(scope="module")
 def treadmill():
-    return build_setup(load_experiment("treadmill", ["duration_s=0.2", EULER]).experiment)
+    return build_setup(load_experiment("treadmill_guided", ["duration_s=0.2", EULER]).experiment)
 
 
 @pytest.fixture(scope="module")

@@ -36,17 +36,17 @@ CASES = {
         EULER,
         "control.inertia_compensation=0.2",
     ),
-    "treadmill, Euler": ("treadmill", "duration_s=1", EULER, "integration.step_ms=0.25"),
-    "treadmill, RK4": ("treadmill", "duration_s=0.3", RK4, "integration.step_ms=0.25"),
+    "treadmill, Euler": ("treadmill_guided", "duration_s=1", EULER, "integration.step_ms=0.25"),
+    "treadmill, RK4": ("treadmill_guided", "duration_s=0.3", RK4, "integration.step_ms=0.25"),
     "treadmill, harness": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=1",
         EULER,
         "integration.step_ms=0.25",
         "scenario.support.guide=harness",
     ),
     "treadmill, downhill in a harness, by encoders askew and commands that come late": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=0.5",
         EULER,
         "integration.step_ms=0.25",
@@ -67,7 +67,7 @@ CASES = {
         "scenario.arms={planted_s: 0.05, lift_ahead_m: 0.5}",
     ),
     "treadmill, a short wearer with short feet": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=0.5",
         EULER,
         "integration.step_ms=0.25",
@@ -92,7 +92,7 @@ CASES = {
         "integration.step_ms=0.25",
     ),
     "treadmill, a wearer whom the controller takes for another": (
-        "treadmill",
+        "treadmill_guided",
         "duration_s=0.5",
         EULER,
         "integration.step_ms=0.25",
@@ -120,7 +120,7 @@ def test_mujoco_dynamics_give_the_log_of_the_compiled_engine(case):
 @pytest.mark.parametrize("change", ["patient.mass_kg=71", "patient.height_m=1.76"])
 def test_another_wearer_in_mujoco_is_detected(change):
     problem, changed = (
-        problem_of("treadmill", EULER, "duration_s=0.01", *changes) for changes in ((), (change,))
+        problem_of("treadmill_guided", EULER, "duration_s=0.01", *changes) for changes in ((), (change,))
     )
     same, other = (
         ReferenceEngine(problem, kernel=MujocoKernel(worn).functions).run().log for worn in (problem, changed)

@@ -36,11 +36,11 @@ AT_ONCE = "table.blending.duration_ms=0"
 
 
 def problem_of(network: str, *settings: str) -> SimulationSetup:
-    return build_setup(load_experiment("treadmill", [f"network={network}", *settings]).experiment)
+    return build_setup(load_experiment("treadmill_guided", [f"network={network}", *settings]).experiment)
 
 
 def walk(network: str, *settings: str) -> Run:
-    return simulate(load_experiment("treadmill", [f"network={network}", *settings]).experiment)
+    return simulate(load_experiment("treadmill_guided", [f"network={network}", *settings]).experiment)
 
 
 def columns(run: Run, name: str) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_missing_frames_before_the_first_cycle_cause_no_trip(delay):
 
 @lru_cache
 def ideal() -> Run:
-    return simulate(load_experiment("treadmill", ["duration_s=15"]).experiment)
+    return simulate(load_experiment("treadmill_guided", ["duration_s=15"]).experiment)
 
 
 @pytest.mark.parametrize("impedance", ["board", "ccu"])
@@ -362,7 +362,7 @@ def test_the_summary_has_the_traffic_of_the_bus():
     ],
 )
 def test_check_refuses_values_outside_the_ranges_of_the_bus(setting, rule):
-    experiment = load_experiment("treadmill", ["network=can", setting]).experiment
+    experiment = load_experiment("treadmill_guided", ["network=can", setting]).experiment
     errors = [
         item.rule for item in check(build_case(experiment.table, experiment)) if item.severity == "error"
     ]

@@ -19,7 +19,7 @@ RESTS = [-8.0, 0.0, 5.0]  # [deg]
 
 
 def world_of(*changes: str) -> World:
-    return load_experiment("treadmill", list(changes)).experiment.build_world()
+    return load_experiment("treadmill_guided", list(changes)).experiment.build_world()
 
 
 @pytest.mark.parametrize("rest", RESTS)
@@ -27,7 +27,7 @@ def test_orthosis_pulls_towards_its_rest_angle_and_returns_its_stored_energy(res
     """Half a second of steps without support: the work of the spring is the drop of ½ k (θ − θ₀)²."""
     walk = simulate(
         load_experiment(
-            "treadmill",
+            "treadmill_guided",
             [
                 "duration_s=0.5",
                 "integration.step_ms=0.05",
@@ -72,7 +72,7 @@ def test_orthosis_accelerates_the_legs_as_a_spring_of_mujoco(rest: float, rng: n
     from crosscheck.mujoco_legs import coordinate_order, legs_dynamics, legs_of  # needs MuJoCo
 
     experiment = load_experiment(
-        "treadmill",
+        "treadmill_guided",
         [f"plant.ankle={{stiffness_Nm_per_rad: 90, damping_Nms_per_rad: 2, rest_deg: {rest}}}"],
     ).experiment
     world = experiment.build_world()
@@ -93,4 +93,4 @@ def test_orthosis_accelerates_the_legs_as_a_spring_of_mujoco(rest: float, rng: n
 
 def test_rest_beyond_the_stops_is_refused_with_its_key_and_its_range() -> None:
     with raises(ParameterFileError, "plant.ankle.rest_deg", "-30", "30", "31 deg"):
-        load_experiment("treadmill", ["plant.ankle.rest_deg=31"])
+        load_experiment("treadmill_guided", ["plant.ankle.rest_deg=31"])

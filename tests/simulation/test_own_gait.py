@@ -31,7 +31,7 @@ from twin_gait.simulation.simulator import simulate_blocks
 from twin_gait.studies.batch import override_experiment
 
 # A table of a device, with its friction compensation.
-TREADMILL = packaged("tables")["treadmill"]
+TREADMILL = packaged("tables")["treadmill_guided"]
 # A knee orthosis whose table needs one joint and the foot under it.
 KNEE_TABLE = """
 schema_version: 2
@@ -201,7 +201,7 @@ def test_device_in_braces_can_leave_joints_to_the_wearer() -> None:
         "plant.actuators={knee: null}",
         "duration_s=0.5",
     )
-    run = simulate(experiment_of("treadmill", *hips))
+    run = simulate(experiment_of("treadmill_guided", *hips))
     # In braces the wearer's knees oscillate, so that the trapezoidal rule loses 3e-4 of the work.
     assert run.log["own_gait_work_J"].iloc[-1] == pytest.approx(work_of_knees(run.log, "wearer_"), rel=1e-3)
     assert summarise_run(run)["energy_residual_share"] < 1e-6
@@ -238,13 +238,13 @@ def test_device_that_lacks_the_phase_of_the_start_says_where_it_starts(one_knee:
 
 
 def test_own_gait_walks_on_a_treadmill_only() -> None:
-    with raises((ParameterError, ParameterFileError), "own_gait", "null", "treadmill"):
+    with raises((ParameterError, ParameterFileError), "own_gait", "null", "treadmill_guided"):
         experiment_of("overground", "device=ak80_9_hip", "table=hip_exoskeleton", "own_gait=own_gait")
 
 
 def test_own_gait_needs_a_joint_without_a_drive() -> None:
     with raises((ParameterError, ParameterFileError), "own_gait.table.joints", "hip, knee"):
-        experiment_of("treadmill", "own_gait=own_gait")
+        experiment_of("treadmill_guided", "own_gait=own_gait")
 
 
 def test_own_gait_in_a_persons_file_refers_to_the_folder_of_the_person(tmp_path: Path) -> None:

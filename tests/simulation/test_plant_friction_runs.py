@@ -156,7 +156,7 @@ def test_stick_and_slip_equal_mujoco_and_an_adaptive_solver() -> None:
     [
         ("bench_leg", 1.0, "rk4"),
         pytest.param("bench_leg", 1.0, "semi_implicit_euler", marks=pytest.mark.slow),
-        pytest.param("treadmill", 0.2, "rk4", marks=pytest.mark.slow),
+        pytest.param("treadmill_guided", 0.2, "rk4", marks=pytest.mark.slow),
     ],
 )
 def test_both_engines_have_the_same_friction(preset: str, duration: float, method: str) -> None:

@@ -51,7 +51,7 @@ def experiment_with(folder: Path, *settings: str, **changes: Any) -> Experiment:
     """Return a walk on the treadmill with a policy from a file."""
     (folder / "random.yaml").write_text(dump_yaml(document(**changes)))
     policy = ["control.mode=policy", f"control.policy={folder / 'random.yaml'}"]
-    return load_experiment("treadmill", [*policy, *settings]).experiment
+    return load_experiment("treadmill_guided", [*policy, *settings]).experiment
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,7 @@ def test_a_reading_that_is_no_angle_counts_as_zero_and_leaves_no_trace(
 
 
 def test_a_policy_of_zero_weights_is_the_table(tmp_path: Path) -> None:
-    plain = simulate(load_experiment("treadmill", ["duration_s=0.5"]).experiment)
+    plain = simulate(load_experiment("treadmill_guided", ["duration_s=0.5"]).experiment)
     found = simulate(experiment_with(tmp_path, "duration_s=0.5", weights=[0.0] * N_WEIGHTS))
     assert found.log.equals(plain.log)
 
@@ -192,9 +192,9 @@ def test_a_mistake_in_the_file_is_one_line(
 
 def test_a_missing_policy_is_named_with_the_shipped_ones() -> None:
     with raises(TwinGaitError, "control.policy", "missing"):
-        load_experiment("treadmill", ["control.mode=policy"])
+        load_experiment("treadmill_guided", ["control.mode=policy"])
     with raises(TwinGaitError, "control.policy", "nowhere", "low_effort", "assist_as_needed"):
-        load_experiment("treadmill", ["control.policy=nowhere"])
+        load_experiment("treadmill_guided", ["control.policy=nowhere"])
 
 
 def test_a_device_with_one_leg_has_no_signals_of_the_other(tmp_path: Path) -> None:
@@ -248,7 +248,7 @@ def test_the_c_has_fixed_arrays_and_equals_the_simulation_bit_for_bit(walk: Run,
 def test_20_s_of_the_shipped_policies_are_proven_and_fit_a_tick(name: str) -> None:
     require_tools("gcc", *TARGET_TOOLS)
     settings = ["control.mode=policy", f"control.policy={name}", "duration_s=20"]
-    result = verify(load_experiment("treadmill", settings).experiment)
+    result = verify(load_experiment("treadmill_guided", settings).experiment)
     assert result["passed"] and all(check["passed"] for check in result["checks"])
     found = result["checks"][2]["found"]
     assert found["differing"] == 0 and 0 < found["instructions_worst"] < 12_000
@@ -266,7 +266,9 @@ def test_the_shipped_policies_are_those_of_the_gallery(name: str) -> None:
 def test_low_effort_needs_less_torque_at_nearly_the_tracking_of_the_table() -> None:
     settings = ["duration_s=10", "seed=77", "patient.mass_kg=80"]
     policy = ["control.mode=policy", "control.policy=low_effort"]
-    runs = [simulate(load_experiment("treadmill", [*settings, *more]).experiment) for more in ([], policy)]
+    runs = [
+        simulate(load_experiment("treadmill_guided", [*settings, *more]).experiment) for more in ([], policy)
+    ]
     sides = [summarise_run(run)["sides"] for run in runs]
     efforts, errors = (
         [

@@ -91,7 +91,7 @@ def ankle_work(run):
 
 
 def test_the_motor_pushes_off_and_the_orthosis_alone_does_not(run):
-    passive = simulate(load_experiment("treadmill", ["duration_s=12"]).experiment)
+    passive = simulate(load_experiment("treadmill_guided", ["duration_s=12"]).experiment)
     (net, peak), (net_alone, peak_alone) = ankle_work(run), ankle_work(passive)
     assert net > 1.0 > 0.0 > net_alone  # [J]; a spring and a damper give back less than they took
     assert peak > 2.0 * peak_alone > 0.0
@@ -202,11 +202,11 @@ def test_a_file_with_an_ankle_is_written_and_read_back():
 
 @pytest.mark.slow
 def test_a_drive_that_the_table_does_not_control_keeps_friction_and_rotor_but_gets_no_current():
-    driven, free = (problem("duration_s=0.4", *settings) for settings in ((), ("table=treadmill",)))
+    driven, free = (problem("duration_s=0.4", *settings) for settings in ((), ("table=treadmill_guided",)))
     index = free.world.model.index(Side.LEFT, JointName.ANKLE)
     assert free.world.plant[index].friction == driven.world.plant[index].friction
     assert free.world.plant[index].armature == driven.world.plant[index].armature > 0.0
-    log = simulate(experiment(PLAIN, "duration_s=0.4", "table=treadmill")).log
+    log = simulate(experiment(PLAIN, "duration_s=0.4", "table=treadmill_guided")).log
     assert "left_ankle_motor_torque_Nm" not in log
     assert log["left_ankle_angle_rad"].std() > 0.0
 
@@ -257,7 +257,7 @@ def test_engines_agree_on_fewer_joints(joints):
     ("preset", "settings", "message"),
     [
         (
-            "treadmill",
+            "treadmill_guided",
             ["table=treadmill_ankle"],
             ("plant.actuators.ankle", "treadmill_ankle"),
         ),
@@ -283,11 +283,11 @@ def test_engines_agree_on_fewer_joints(joints):
             ("control.mode", "position", "hip", "knee"),
         ),
         (
-            "treadmill",
+            "treadmill_guided",
             ["faults=['motor_dead:left_ankle@1s']"],
             ("left_hip", "left_ankle"),
         ),
-        ("treadmill", ["sensors.offset.left.ankle_deg=1"], ("sensors offset", "hip", "knee", "ankle")),
+        ("treadmill_guided", ["sensors.offset.left.ankle_deg=1"], ("sensors offset", "hip", "knee", "ankle")),
     ],
 )
 def test_missing_parameters_of_an_ankle_are_reported_in_one_line(preset, settings, message):

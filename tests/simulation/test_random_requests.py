@@ -138,7 +138,7 @@ def measure(controller, draw: np.random.Generator) -> None:
     controller.device_signals.trunk_pitch = draw.uniform(-10.0, 25.0) * DEGREE
 
 
-@pytest.mark.parametrize("name", ["floor", "treadmill"])
+@pytest.mark.parametrize("name", ["floor", "treadmill_guided"])
 @pytest.mark.parametrize("seeds", [pytest.param(SAMPLE, id="sample"), every])
 def test_random_requests_leans_and_faults_never_lift_both_legs_nor_answer_the_chair_in_a_walk(name, seeds):
     """Some 2 s each; spells of signals of 5 to 250 ms, a request in every other spell."""

@@ -130,9 +130,9 @@ def check_written(sample: Any, record: Any) -> int:
 
 CASES = [
     ("bench_leg", ()),
-    ("treadmill", ()),
+    ("treadmill_guided", ()),
     ("treadmill_start_stop", ()),
-    ("treadmill", ("patient=stroke_left", "interface=brace", "faults=['motor_dead:left_hip@0.1s']")),
+    ("treadmill_guided", ("patient=stroke_left", "interface=brace", "faults=['motor_dead:left_hip@0.1s']")),
 ]
 
 

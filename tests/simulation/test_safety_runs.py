@@ -23,9 +23,9 @@ def run_of(name: str, *settings: str, faults: tuple[str, ...] = ()):
     return simulate(load_experiment(name, [*settings, *given]).experiment)
 
 
-WALKS = {name: (name, ()) for name in ("treadmill", "treadmill_40", "bench_leg")}
+WALKS = {name: (name, ()) for name in ("treadmill_guided", "treadmill_40", "bench_leg")}
 WALKS |= {f"{name} with noise": (name, NOISE) for name in WALKS}
-WALKS |= {change: ("treadmill", (setting, *NOISE)) for change, setting in CHANGES.items()}
+WALKS |= {change: ("treadmill_guided", (setting, *NOISE)) for change, setting in CHANGES.items()}
 
 
 @pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS.keys())
@@ -36,13 +36,13 @@ def test_a_walk_without_a_fault_never_trips(walk):
     assert not run.log["safety_state"].any() and not run.log["trip_cause"].any()
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "bench_leg"])
 def test_a_monitor_with_cold_copper_resistance_does_not_trip_a_warm_motor(preset):
     """Copper warmed by 100 K has 1.39 times the resistance that the monitor reckons with."""
     assert run_of(preset, f"control.safety.model_resistance_ratio={1 / 1.39}", "duration_s=10").trip is None
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "bench_leg"])
 def test_a_run_without_a_fault_is_the_same_without_the_monitor(preset):
     watched = run_of(preset, "duration_s=3").log
     alone = run_of(preset, "duration_s=3", "control.safety.enabled=false").log
@@ -82,8 +82,8 @@ def test_engines_agree_under_every_fault(fault):
 @pytest.mark.parametrize("fault", ["foot_load_stuck:left_foot@0.3s", "supply_dip@0.2s=20V"])
 def test_engines_agree_under_faults_on_the_treadmill(fault):
     settings = ("duration_s=0.8", "integration={method: rk4, step_ms: 0.25}")
-    ours = run_of("treadmill", *settings, faults=(fault,))
-    theirs = run_of("treadmill", *settings, "engine=pinocchio", faults=(fault,))
+    ours = run_of("treadmill_guided", *settings, faults=(fault,))
+    theirs = run_of("treadmill_guided", *settings, "engine=pinocchio", faults=(fault,))
     assert ours.trip == theirs.trip is not None
     for column in [name for name in theirs.log if not name.endswith("_phase")]:
         np.testing.assert_allclose(ours.log[column], theirs.log[column], atol=1e-9, rtol=1e-9, err_msg=column)
@@ -202,9 +202,11 @@ def test_a_tighter_bound_trips_when_the_log_exceeds_it(cause, setting):
     ],
 )
 def test_a_runaway_that_ended_in_a_fall_without_a_trip_is_held(faults):
-    unbounded = run_of("treadmill", "duration_s=6", "control.safety.command_deviation_Nm=1e3", faults=faults)
+    unbounded = run_of(
+        "treadmill_guided", "duration_s=6", "control.safety.command_deviation_Nm=1e3", faults=faults
+    )
     assert unbounded.verdict.outcome == "fell" and unbounded.trip is None
-    run = run_of("treadmill", "duration_s=6", faults=faults)
+    run = run_of("treadmill_guided", "duration_s=6", faults=faults)
     assert run.verdict.outcome == "held" and run.trip.cause is TripCause.SETPOINT
     assert run.trip.time < run.experiment.faults[0].time + 0.15
     found = audit(run)

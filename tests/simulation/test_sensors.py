@@ -29,7 +29,7 @@ def experiment(preset: str, *settings: str) -> Experiment:
 
 
 def test_an_encoder_reads_its_offset_in_excess_from_the_first_tick_on():
-    log = simulate(experiment("treadmill", ASKEW, "duration_s=0.3")).log
+    log = simulate(experiment("treadmill_guided", ASKEW, "duration_s=0.3")).log
     for name, offset in OFFSETS.items():
         excess = log[f"{name}_measured_angle_rad"] - log[f"{name}_angle_rad"]
         np.testing.assert_allclose(excess, math.radians(offset), rtol=0.0, atol=1e-15)
@@ -108,4 +108,4 @@ def test_the_joint_bench_has_no_offset():
 
 def test_only_joints_that_the_table_drives_have_an_offset():
     with raises(ParameterFileError, "sensors offset", "hip", "knee", "ankle"):
-        load_experiment("treadmill", ["sensors.offset.left.ankle_deg=1"])
+        load_experiment("treadmill_guided", ["sensors.offset.left.ankle_deg=1"])

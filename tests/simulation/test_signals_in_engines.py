@@ -24,7 +24,9 @@ TICKS = 20
 
 
 def problem() -> SimulationSetup:
-    experiment = load_experiment("treadmill", ["table=treadmill_start_stop", "duration_s=0.02"]).experiment
+    experiment = load_experiment(
+        "treadmill_guided", ["table=treadmill_start_stop", "duration_s=0.02"]
+    ).experiment
     return build_setup(experiment)
 
 
@@ -83,13 +85,13 @@ def guarded(table: GaitTable, text: str) -> GaitTable:
 
 
 def walk(text: str, **changes: Any) -> Experiment:
-    experiment = load_experiment("treadmill", ["duration_s=1.2"]).experiment
+    experiment = load_experiment("treadmill_guided", ["duration_s=1.2"]).experiment
     return replace(experiment, table=guarded(experiment.table, text), **changes)
 
 
 @pytest.mark.slow
 def test_a_guard_on_the_guided_trunk_is_read_by_the_engines():
-    plain = simulate(load_experiment("treadmill", ["duration_s=1.2"]).experiment)
+    plain = simulate(load_experiment("treadmill_guided", ["duration_s=1.2"]).experiment)
     upright, bent = (simulate(walk(f"trunk.pitch_deg {text}")) for text in ("< 5", "> 5"))
     assert upright.log.equals(plain.log) and len(plain.switches) > 2
     assert [item.cause for item in bent.switches] == ["timeout"] * len(bent.switches)

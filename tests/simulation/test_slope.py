@@ -20,7 +20,7 @@ from twin_gait.vocabulary import JointName
 HARNESS = "scenario.support.guide=harness"
 
 
-def walk_of(*changes: str, preset: str = "treadmill"):
+def walk_of(*changes: str, preset: str = "treadmill_guided"):
     return simulate(load_experiment(preset, changes).experiment)
 
 
@@ -81,8 +81,8 @@ def test_clearance_is_the_distance_of_the_sole_from_the_belt(walk):
 
 @pytest.mark.parametrize("slope", [-8.0, 0.0, 9.0])
 def test_both_feet_stand_on_the_belt_at_the_start_as_on_level_ground(slope):
-    world = load_experiment("treadmill", [f"scenario.slope_deg={slope}"]).experiment.build_world()
-    level = load_experiment("treadmill", []).experiment.build_world()
+    world = load_experiment("treadmill_guided", [f"scenario.slope_deg={slope}"]).experiment.build_world()
+    level = load_experiment("treadmill_guided", []).experiment.build_world()
     away = np.array([-math.sin(math.radians(slope)), 0.0, math.cos(math.radians(slope))])
     for frames in world.contact_frames.values():
         lowest = min(away @ world.model.frame_position(world.start_q, name) for name in frames)
@@ -110,7 +110,7 @@ def test_weight_on_a_slope_without_a_forward_guide_is_split(slope):
 
 def test_level_ground_has_a_kernel_without_slope():
     level, sloped = (
-        assemble(build_setup(load_experiment("treadmill", [f"scenario.slope_deg={slope}"]).experiment))
+        assemble(build_setup(load_experiment("treadmill_guided", [f"scenario.slope_deg={slope}"]).experiment))
         for slope in (0, 2)
     )
     assert "slope" not in write_kernel(level[0])
@@ -124,5 +124,5 @@ def test_a_belt_that_is_too_steep_is_refused_in_one_line(setting):
     with raises(
         ParameterFileError, "scenario." + setting.partition("=")[0], setting.partition("=")[2]
     ) as caught:
-        load_experiment("treadmill", [f"scenario.{setting}"])
+        load_experiment("treadmill_guided", [f"scenario.{setting}"])
     assert len(str(caught.value).splitlines()) == 1

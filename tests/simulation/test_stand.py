@@ -122,7 +122,7 @@ def test_a_leg_without_a_walk_command_walks():
     """The table of stand on a belt without a profile moves the legs as its five walking phases do."""
     ankle = "plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}"  # as the table was found
     settings = ["duration_s=3", "table=treadmill_start_stop", "scenario.support.guide=vertical", ankle]
-    experiment = load_experiment("treadmill", [*settings, "engine=pinocchio"]).experiment
+    experiment = load_experiment("treadmill_guided", [*settings, "engine=pinocchio"]).experiment
     cycle = experiment.table.cycles[0]
     assert len(cycle) == 5 and STAND not in cycle
     walking = replace(

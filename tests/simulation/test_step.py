@@ -18,7 +18,7 @@ HEAVY = (
 
 
 def test_default_step_of_a_heavy_wearer_is_stable() -> None:
-    run = simulate(load_experiment("treadmill", HEAVY).experiment)
+    run = simulate(load_experiment("treadmill_guided", HEAVY).experiment)
     summary = energy_summary(run)
     assert summary["step_s"] == 0.125e-3
     assert summary["energy_residual_share"] < LARGEST_RESIDUAL
@@ -26,7 +26,7 @@ def test_default_step_of_a_heavy_wearer_is_stable() -> None:
 
 
 def test_larger_step_of_a_heavy_wearer_is_reported_as_unstable() -> None:
-    run = simulate(load_experiment("treadmill", [*HEAVY, "integration.step_ms=0.25"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", [*HEAVY, "integration.step_ms=0.25"]).experiment)
     summary = energy_summary(run)
     assert summary["energy_residual_share"] > 1e-3
     assert summary["step_stable"] is False
@@ -41,6 +41,6 @@ def test_step_of_the_euler_method_is_not_judged() -> None:
 
 
 def test_rows_of_a_batch_say_which_steps_are_unstable() -> None:
-    experiment = load_experiment("treadmill", HEAVY).experiment
+    experiment = load_experiment("treadmill_guided", HEAVY).experiment
     rows = simulate_batch(experiment, [{}, {"integration.step_ms": 0.25}])
     assert rows["step_stable"].tolist() == [True, False]

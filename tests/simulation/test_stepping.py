@@ -28,7 +28,7 @@ def bench():
 
 @pytest.fixture(scope="module")
 def treadmill():
-    return build_setup(load_experiment("treadmill", ["duration_s=4"]).experiment)
+    return build_setup(load_experiment("treadmill_guided", ["duration_s=4"]).experiment)
 
 
 def column(run, name, first=0):
@@ -298,7 +298,7 @@ def test_a_stop_holds_the_joints_from_the_next_tick_on_and_is_not_taken_back(ben
 def test_a_fallen_walk_does_not_continue():
     # The monitor would trip, and the harness catch the wearer.
     unwatched = ["duration_s=4", "control.safety.enabled=false"]
-    run = SteppedRun(build_setup(load_experiment("treadmill", unwatched).experiment))
+    run = SteppedRun(build_setup(load_experiment("treadmill_guided", unwatched).experiment))
     rows = run.setup.phase_rows.copy()
     rows[:, :, [0, 1, 4, 5]] = 0.0  # legs without springs and dampers
     change(run, 0, phase_rows=rows.tolist())

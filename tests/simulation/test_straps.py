@@ -81,7 +81,7 @@ def test_a_trunk_swings_in_the_straps_at_its_closed_frequency():
 
 def walk_of(*changes: str):
     settings = ["duration_s=3", "scenario.support.pitch=soft", *changes]
-    return simulate(load_experiment("treadmill", settings).experiment)
+    return simulate(load_experiment("treadmill_guided", settings).experiment)
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
     from mujoco_kernel import MujocoKernel  # needs MuJoCo
 
     settings = ["duration_s=0.15", "scenario.support.pitch=soft", "scenario.lean_deg=5"]
-    setup = build_setup(load_experiment("treadmill", settings).experiment)
+    setup = build_setup(load_experiment("treadmill_guided", settings).experiment)
     runs = CompiledEngine(setup).run(), ReferenceEngine(setup, kernel=MujocoKernel(setup).functions).run()
     ours, theirs = map(log_matrix, runs)
     assert np.ptp(runs[0].log["trunk_pitch_rad"]) > 0.01
@@ -164,7 +164,7 @@ def test_mujoco_dynamics_give_the_log_of_the_compiled_engine():
 )
 def test_a_pitch_that_cannot_be_is_rejected(changes, words):
     with raises(TwinGaitError, *words):
-        load_experiment("treadmill", ["scenario.support.pitch=soft", *changes])
+        load_experiment("treadmill_guided", ["scenario.support.pitch=soft", *changes])
 
 
 # ------------------------------------------------------------------ braces
@@ -216,9 +216,8 @@ def test_the_stable_step_regards_cuffs_on_elevations(braced):
     np.testing.assert_allclose(pushed, expected, atol=1e-8 * np.abs(expected).max())
 
 
-@pytest.mark.slow  # compiles a loop with braces for a minute
-def test_the_shipped_walk_in_straps_reaches_what_its_page_states():
-    run = simulate(load_experiment("treadmill_straps").experiment)
+def test_the_default_walk_reaches_what_its_page_states():
+    run = simulate(load_experiment().experiment)
     summary, legs = summarise_run(run), run.walk_measures().values()
     assert run.verdict.outcome == "walked"
     assert max(side["rmse_knee_by_contact_deg"] for side in summary["sides"].values()) < 4.5

@@ -93,8 +93,8 @@ def test_no_command_reaches_a_motor_after_the_loss(fault):
 
 def test_the_bus_falls_to_nothing_or_to_the_back_emf():
     settings = ("scenario.support.share=0.6",)
-    shorted = lost("treadmill", *settings, fault="supply_loss_shorted@3.3s", seconds=4.0).log
-    opened = lost("treadmill", *settings, fault="supply_loss_open@3.3s", seconds=4.0).log
+    shorted = lost("treadmill_guided", *settings, fault="supply_loss_shorted@3.3s", seconds=4.0).log
+    opened = lost("treadmill_guided", *settings, fault="supply_loss_open@3.3s", seconds=4.0).log
     assert (shorted["bus_voltage_V"].iloc[3302:] == 1.0).all()
     emf = np.max(
         [
@@ -174,7 +174,8 @@ def test_in_lockstep_each_lane_loses_its_own_supply():
     kinds = ["supply_loss_shorted", "supply_loss_open", "supply_dip"]
     given = [
         load_experiment(
-            "treadmill", [f"faults=['{kinds[number % 3]}@{0.1 + 0.01 * number:.2f}s']", "duration_s=0.5"]
+            "treadmill_guided",
+            [f"faults=['{kinds[number % 3]}@{0.1 + 0.01 * number:.2f}s']", "duration_s=0.5"],
         ).experiment
         for number in range(MIN_BLOCK_SIZE)
     ]

@@ -77,7 +77,7 @@ def unlike(count: int, seed: int, longest: float) -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="module")
 def walk() -> Experiment:
-    return load_experiment("treadmill", ["integration.step_ms=0.5"]).experiment
+    return load_experiment("treadmill_guided", ["integration.step_ms=0.5"]).experiment
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +201,7 @@ def test_a_log_leaves_out_torques_that_are_zero_throughout(walk, effort):
     assert flat_summary(brief) == flat_summary(whole)
 
 
-@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+@pytest.mark.parametrize("preset", ["treadmill_guided", "bench_leg"])
 def test_a_row_holds_the_numbers_of_the_summary(preset):
     run = simulate(load_experiment(preset, ["duration_s=9"]).experiment)
     row, summary = flat_summary(run), summarise_run(run)

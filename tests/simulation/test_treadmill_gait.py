@@ -1,4 +1,4 @@
-"""The default walk, and the walk with one thing changed at a time.
+"""The guided walk, and the walk with one thing changed at a time.
 
 The limits are those that the program promises in its documentation; the numbers come from the summary
 that every run writes, whose measures have tests of their own.
@@ -20,8 +20,8 @@ SIDES = ("left", "right")
 
 @pytest.fixture(scope="module", params=["compiled", pytest.param("pinocchio", marks=pytest.mark.slow)])
 def walk(request):
-    """The default walk of each engine, at the engine's own integrator and step."""
-    return simulate(load_experiment("treadmill", [f"engine={request.param}"]).experiment)
+    """The guided walk of each engine, at the engine's own integrator and step."""
+    return simulate(load_experiment("treadmill_guided", [f"engine={request.param}"]).experiment)
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +191,7 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
 def test_still_walks_thirty_seconds_with_noise_and_one_thing_changed(change):
     settings = [change, *NOISE, "duration_s=30"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     assert run.status is RunStatus.COMPLETED, run.reason
     assert run.verdict.outcome is Outcome.WALKED, run.verdict
     for values in summarise_run(run)["sides"].values():

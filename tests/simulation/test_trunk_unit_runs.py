@@ -89,5 +89,5 @@ def test_noise_is_drawn_on_demand() -> None:
 
 def test_a_guided_pelvis_has_no_trunk_unit():
     settings = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=0.1"]
-    noise = build_setup(load_experiment("treadmill", settings).experiment).noise
+    noise = build_setup(load_experiment("treadmill_guided", settings).experiment).noise
     assert noise.shape == (100, 8) and not noise[:, 4:].any()  # encoders, and efforts that are none

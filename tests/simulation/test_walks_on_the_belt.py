@@ -12,7 +12,7 @@ from twin_gait.vocabulary import Side
 
 
 def walk(*settings: str) -> Run:
-    return simulate(load_experiment("treadmill", settings).experiment)
+    return simulate(load_experiment("treadmill_guided", settings).experiment)
 
 
 @pytest.mark.parametrize(("share", "speed"), [(0.6, 1.5), (0.75, 1.5), (0.9, 0.8)])

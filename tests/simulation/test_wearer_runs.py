@@ -149,7 +149,7 @@ def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
     stance = slice(0, 3)
     assert not moments_of(experiment(EAGER))[:, stance].any()
     full, half = (
-        moments_of(load_experiment("treadmill", [EAGER, f"scenario.support.share={share}"]).experiment)
+        moments_of(load_experiment("treadmill_guided", [EAGER, f"scenario.support.share={share}"]).experiment)
         for share in (0.0, 0.5)
     )
     assert full[:, stance].any()
@@ -257,7 +257,7 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
     settings = [ALL, "patient.effort_delay_ms=40", "patient.effort_noise=0.1", "duration_s=0.3", "seed=5"]
     settings.append("patient.left.knee.effort=0.2")
     config = dataclasses.replace(
-        load_experiment("treadmill", settings).experiment,
+        load_experiment("treadmill_guided", settings).experiment,
         integration=Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3),
     )
     logs = [
@@ -274,7 +274,7 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
 @pytest.mark.slow
 def test_condition_of_one_side_acts_on_that_side_alone():
     settings = ["patient.left={knee: {passive: 1}}", "duration_s=0.05"]
-    log = simulate(load_experiment("treadmill", settings).experiment).log
+    log = simulate(load_experiment("treadmill_guided", settings).experiment).log
     acting = {name for name in log if name.endswith("external_torque_Nm") and (log[name] != 0.0).any()}
     assert acting == {"left_knee_external_torque_Nm"}
 
@@ -283,7 +283,7 @@ def test_condition_of_one_side_acts_on_that_side_alone():
 def test_dorsiflexed_ankle_bends_the_knee():
     """The passive knee torque of the treadmill reckons with the ankle of the log, dorsiflexion positive."""
     settings = ["patient.both={knee: {passive: 1}}", "duration_s=0.2"]
-    log = simulate(load_experiment("treadmill", settings).experiment).log
+    log = simulate(load_experiment("treadmill_guided", settings).experiment).log
     for side in Side:
         columns = [log[f"{side}_{joint}_angle_rad"] for joint in ("hip", "knee", "ankle")]
         expected = [passive_knee_torque(*posture) for posture in zip(*columns, strict=True)]
@@ -402,7 +402,8 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
 def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
     """For a moment on the treadmill, by the moments that Winter has for what each phase stands for."""
     config = load_experiment(
-        "treadmill", [f"patient={person}", "engine=pinocchio", "duration_s=0.02", "patient.effort_delay_ms=0"]
+        "treadmill_guided",
+        [f"patient={person}", "engine=pinocchio", "duration_s=0.02", "patient.effort_delay_ms=0"],
     ).experiment
     table = change(config.table)
     scenario = dataclasses.replace(
@@ -426,7 +427,7 @@ def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
 
 
 def test_sixth_phase_leaves_the_moments_of_the_other_five():
-    config = load_experiment("treadmill", ["patient=healthy"]).experiment
+    config = load_experiment("treadmill_guided", ["patient=healthy"]).experiment
     five = moments_of(config)
     six = moments_of(dataclasses.replace(config, table=with_pre_swing(config.table)))
     assert_array_equal(six[:, [0, 1, 4, 5]], five[:, [0, 1, 3, 4]])

@@ -119,7 +119,7 @@ def test_controllers_support_the_ankle() -> None:
     assert {name for name, item in CONTROLLERS.items() if not item.can_drive(experiment)} == {
         "position", "policy",
     }  # fmt: skip
-    plain = load_experiment("treadmill").experiment
+    plain = load_experiment("treadmill_guided").experiment
     assert {name for name, item in CONTROLLERS.items() if not item.can_drive(plain)} == {"policy"}
     shared = CONTROLLERS["twincare"].apply_to(experiment).control.assistance
     assert set(shared.share) == set(JOINTS) and len(set(shared.share.values())) == 1

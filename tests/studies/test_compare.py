@@ -55,7 +55,7 @@ GUIDED = "scenario.support.guide=vertical"
 
 def walk(patient: str, duration: float, *settings: str) -> Experiment:
     return load_experiment(
-        "treadmill", [f"patient={patient}", f"duration_s={duration}", *settings]
+        "treadmill_guided", [f"patient={patient}", f"duration_s={duration}", *settings]
     ).experiment
 
 
@@ -133,8 +133,8 @@ def test_interval_of_three_by_hand():
     ("preset", "settings", "seeds", "message"),
     [
         ("bench_leg", [], 1, ("bench_leg", "--patient")),
-        ("treadmill", ["patient=null"], 1, ("treadmill", "--patient")),
-        ("treadmill", [], 0, ("seeds", "1", "0")),
+        ("treadmill_guided", ["patient=null"], 1, ("treadmill_guided", "--patient")),
+        ("treadmill_guided", [], 0, ("seeds", "1", "0")),
     ],
 )
 def test_incomparable_runs_are_refused(preset, settings, seeds, message):
@@ -271,7 +271,7 @@ def test_more_effort_less_assistance_under_assist_as_needed():
 )
 def test_predetermined_path_is_walked_as_documented(settings, walks):
     run = simulate(
-        load_experiment("treadmill", ["control.mode=position", "duration_s=20", *settings]).experiment
+        load_experiment("treadmill_guided", ["control.mode=position", "duration_s=20", *settings]).experiment
     )
     if walks:
         assert run.trip is None and run_measures(run)["walked"] == 1.0

@@ -83,8 +83,10 @@ WRONG = {
 @pytest.mark.parametrize("text", WRONG)
 def test_a_wrong_fault_is_refused_in_one_line(text):
     with pytest.raises(TwinGaitError) as caught:
-        load_experiment("treadmill", ["duration_s=2", f"faults=['{text}']"])
-    assert "\n" not in str(caught.value) and states(str(caught.value), "treadmill", "--set", *WRONG[text])
+        load_experiment("treadmill_guided", ["duration_s=2", f"faults=['{text}']"])
+    assert "\n" not in str(caught.value) and states(
+        str(caught.value), "treadmill_guided", "--set", *WRONG[text]
+    )
 
 
 def test_a_fault_must_strike_something_that_is_there():
@@ -110,7 +112,7 @@ def test_faults_and_monitor_are_in_the_document_of_an_experiment():
 
 @pytest.fixture(scope="module")
 def treadmill():
-    return load_experiment("treadmill", ["duration_s=4"]).experiment
+    return load_experiment("treadmill_guided", ["duration_s=4"]).experiment
 
 
 def test_the_same_seed_draws_the_same_faults_and_longer_lists_extend_shorter_ones(treadmill):

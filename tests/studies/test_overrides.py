@@ -25,7 +25,7 @@ OVERRIDES = [
 
 @pytest.fixture(scope="module")
 def base():
-    return attach_document(load_experiment("treadmill").experiment)
+    return attach_document(load_experiment("treadmill_guided").experiment)
 
 
 @pytest.mark.parametrize("override", OVERRIDES, ids=lambda override: next(iter(override)))
@@ -33,7 +33,7 @@ def test_an_override_equals_a_setting_of_the_whole_file(base, override):
     texts = [
         f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in override.items()
     ]
-    assert apply_override(base, override) == load_experiment("treadmill", texts).experiment
+    assert apply_override(base, override) == load_experiment("treadmill_guided", texts).experiment
 
 
 def test_an_override_converts_only_the_changed_values(base):

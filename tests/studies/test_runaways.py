@@ -35,7 +35,7 @@ def runaways(experiment, count: int, seed: int) -> pd.DataFrame:
 
 
 def test_runaways_are_drawn_over_their_ranges_and_every_second_one_has_another_fault():
-    experiment = load_experiment("treadmill", ["duration_s=8"]).experiment
+    experiment = load_experiment("treadmill_guided", ["duration_s=8"]).experiment
     drawn = draw_runaways(experiment, 400, 3, 1.0)
     assert drawn == draw_runaways(experiment, 400, 3, 1.0)
     assert [len(faults) for faults in drawn] == [1, 2] * 200
@@ -53,7 +53,7 @@ def test_runaways_are_drawn_over_their_ranges_and_every_second_one_has_another_f
 
 @pytest.mark.parametrize("count", [16, pytest.param(96, marks=pytest.mark.slow)])
 def test_no_seeded_runaway_ends_in_a_fall(count):
-    experiment = load_experiment("treadmill", ["duration_s=7"]).experiment
+    experiment = load_experiment("treadmill_guided", ["duration_s=7"]).experiment
     table = runaways(experiment, count, 11)
     assert len(table) == count and (table["outcome"] == "held").all() and (table["cause"] != "").all()
     alone = table[table["second"] == ""]
@@ -61,7 +61,9 @@ def test_no_seeded_runaway_ends_in_a_fall(count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["treadmill", "treadmill_40", "treadmill_start_stop", "treadmill_ankle"])
+@pytest.mark.parametrize(
+    "preset", ["treadmill_guided", "treadmill_40", "treadmill_start_stop", "treadmill_ankle"]
+)
 def test_no_seeded_runaway_ends_in_a_fall_on_any_belt(preset):
     """In the longer run a wearer whose runaway is slow has time to fall."""
     table = runaways(load_experiment(preset, ["duration_s=10"]).experiment, 320, 12)
@@ -70,16 +72,16 @@ def test_no_seeded_runaway_ends_in_a_fall_on_any_belt(preset):
 
 NOISE = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-3"]
 WALKS = {
-    "treadmill": ("treadmill", []),
+    "treadmill_guided": ("treadmill_guided", []),
     "treadmill_40": ("treadmill_40", []),
     "treadmill_ankle": ("treadmill_ankle", []),
     "start and stop": ("treadmill_start_stop", ["duration_s=17"]),
     "bench_leg": ("bench_leg", []),
     "start and stop with noise": ("treadmill_start_stop", ["duration_s=17", *NOISE]),
-    "position": ("treadmill", ["control.mode=position"]),
+    "position": ("treadmill_guided", ["control.mode=position"]),
     "transparent": ("bench_leg", ["control.mode=transparent"]),
-    "delay": ("treadmill", ["control.delay_ms=3"]),
-    "no blending": ("treadmill", ["table.blending.duration_ms=0"]),
+    "delay": ("treadmill_guided", ["control.delay_ms=3"]),
+    "no blending": ("treadmill_guided", ["table.blending.duration_ms=0"]),
 }
 LOOPS_OF_THEIR_OWN = "position", "delay"  # compiled for this test alone
 
@@ -101,7 +103,7 @@ def test_a_run_without_a_fault_stays_far_from_the_bound(walk):
 @pytest.mark.slow
 def test_random_walks_stay_far_from_the_bound():
     count = 32
-    experiment = load_experiment("treadmill", ["duration_s=6"]).experiment
+    experiment = load_experiment("treadmill_guided", ["duration_s=6"]).experiment
     rows = run_episodes(partial(walker_of, experiment), walker_row, draw_walkers(count, 7))
     walked = [row["deviation_Nm"] for row in rows if row["outcome"] == "walked"]
     assert len(walked) >= 0.625 * count and max(walked) < 0.2 * BOUND
@@ -113,13 +115,13 @@ def test_random_walks_stay_far_from_the_bound():
 def test_a_walk_over_a_bus_stays_far_from_the_bound(network):
     """Log columns come from the gait controller here, so that a tight bound shows a difference."""
     settings = ["duration_s=6", f"network={network}", f"control.safety.command_deviation_Nm={0.2 * BOUND}"]
-    assert simulate(load_experiment("treadmill", settings).experiment).trip is None
+    assert simulate(load_experiment("treadmill_guided", settings).experiment).trip is None
 
 
 def test_changes_of_a_running_walk_stay_far_from_the_bound():
     """Stiffness, damping, equilibrium and gain of every phase change at once, ten times a second."""
     settings = ["duration_s=60", f"control.safety.command_deviation_Nm={0.2 * BOUND}"]
-    run = SteppedRun(build_setup(load_experiment("treadmill", settings).experiment))
+    run = SteppedRun(build_setup(load_experiment("treadmill_guided", settings).experiment))
     generator, rows = np.random.default_rng(0), np.array(run.numbers["phase_rows"])
     for _ in range(50):
         run.advance(100)
@@ -131,7 +133,7 @@ def test_changes_of_a_running_walk_stay_far_from_the_bound():
 def test_the_deviation_of_a_log_is_the_runaway_that_was_injected():
     fault = "controller_runaway:right_hip@2s=20Nm/s"
     settings = ["duration_s=2.6", f"faults=['{fault}']", "sensors.ideal=false"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     assert run.trip is not None and run.trip.cause is TripCause.SETPOINT
     raw = deviations(run, Side.RIGHT, JointName.HIP)[: run.trip.tick]
     injected = 20.0 * np.maximum(np.arange(-1, run.trip.tick - 1) * 1e-3 - 2.0, 0.0)

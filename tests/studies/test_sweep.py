@@ -90,7 +90,7 @@ def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specificati
     folder = tmp_path / "there"
     folder.mkdir()
     (folder / "mine.yaml").write_text(
-        "extends: treadmill\nphases: {middle_stance: {minimum_duration_ms: 30}}\n"
+        "extends: treadmill_guided\nphases: {middle_stance: {minimum_duration_ms: 30}}\n"
     )
     (folder / "who.yaml").write_text("mass_kg: 80\n")
     levels = {
@@ -98,7 +98,7 @@ def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specificati
         "patient": ["who.yaml"],
         "patient.height_m": [1.8],
     }
-    more = {"experiment": "treadmill", "settings": {"duration_s": 0.1}, "measures": []}
+    more = {"experiment": "treadmill_guided", "settings": {"duration_s": 0.1}, "measures": []}
     spec = write_spec(folder / "spec.yaml", method="grid", samples=None, parameters=levels, **more)
     sweep = load_sweep(spec)
     (folder / "who.yaml").write_text("mass_kg: 60\n")  # after it was read
@@ -107,7 +107,7 @@ def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specificati
         found = sweep.maker()((number, sweep.overrides[number]))
         path = str(folder / table) if table.endswith(".yaml") else table
         settings = [f"table={path}", "patient.height_m=1.8", "duration_s=0.1"]
-        expected = load_experiment("treadmill", settings).experiment
+        expected = load_experiment("treadmill_guided", settings).experiment
         assert (
             found.table.phases == expected.table.phases
             and found.table.transitions == expected.table.transitions
@@ -126,7 +126,7 @@ def own_robots(folder: Path) -> None:
     dbc = shipped_file("twin.dbc").read_text(encoding="utf-8")
     (folder / "bus.dbc").write_text(f'{dbc}\nCM_ "of this laboratory";\n', encoding="utf-8")
     shutil.copyfile(shipped_file("twin.urdf"), folder / "copy.urdf")
-    experiment = {"preset": "treadmill", "leg": {"urdf": "leg.urdf"}, "network": {"dbc": "bus.dbc"}}
+    experiment = {"preset": "treadmill_guided", "leg": {"urdf": "leg.urdf"}, "network": {"dbc": "bus.dbc"}}
     (folder / "mine.yaml").write_text(dump_yaml(experiment), encoding="utf-8")
     episodes = [
         {"leg.urdf": "a/leg.urdf"}, {"leg": {"urdf": str(folder / "b" / "leg.urdf")}}, {"seed": 3},
@@ -390,7 +390,7 @@ def test_the_example_is_a_sweep_of_320_walks():
     ]
     text = "\n".join(commented)
     hypercube, rows = text.split("method: list")
-    rest = {"experiment": "treadmill"}
+    rest = {"experiment": "treadmill_guided"}
     for other in (f"{hypercube}", f"method: list{rows}"):
         entries = {**rest, **read_yaml_text(other)}
         check_sweep(sweep_from_mapping(entries, "comment", Path()), Workers())

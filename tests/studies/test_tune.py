@@ -62,11 +62,11 @@ from twin_gait.vocabulary import Side
 
 @pytest.fixture(scope="module")
 def shipped() -> GaitTable:
-    return load_gait_table("treadmill")
+    return load_gait_table("treadmill_guided")
 
 
 def _parse(document: Mapping[str, Any]) -> GaitTable:
-    return gait_table_from_mapping(dict(document), "the test", "treadmill")
+    return gait_table_from_mapping(dict(document), "the test", "treadmill_guided")
 
 
 # ---------------------------------------------------------------------- numbers
@@ -99,7 +99,7 @@ def test_the_start_point_gives_the_initial_table(shipped: GaitTable) -> None:
 
 @given(data=st.data())
 def test_another_value_changes_one_number_and_nothing_else(data: st.DataObject) -> None:
-    table = load_gait_table("treadmill")
+    table = load_gait_table("treadmill_guided")
     document = editable_document(table)
     parameter = data.draw(st.sampled_from(tunable_parameters(table)))
     coordinate = data.draw(st.floats(0.0, 1.0))
@@ -263,7 +263,7 @@ def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
 
 
 def test_another_mass_does_not_change_the_device_parameters() -> None:
-    nominal = load_experiment("treadmill").experiment
+    nominal = load_experiment("treadmill_guided").experiment
     stiffness = scaled_table(nominal, nominal.build_world()).phases
     cases = build_cases(nominal, "robust")
     for world in (cases["mass −10 %"], cases["mass +10 %"]):
@@ -277,7 +277,7 @@ def test_another_mass_does_not_change_the_device_parameters() -> None:
 
 
 def test_the_robust_set_contains_the_documented_cases() -> None:
-    nominal = load_experiment("treadmill").experiment
+    nominal = load_experiment("treadmill_guided").experiment
     worlds = list((build_cases(nominal, "robust") | build_cases(nominal, "search")).values())
     ratios = {ratio for world in worlds for ratio in world.plant.friction_ratio.values()}
     assert {0.35, 1.0} <= ratios
@@ -289,7 +289,7 @@ def test_the_robust_set_contains_the_documented_cases() -> None:
 
 
 def test_draws_are_in_their_ranges_and_the_device_receives_the_wearer() -> None:
-    nominal = load_experiment("treadmill").experiment
+    nominal = load_experiment("treadmill_guided").experiment
     nominal = replace(nominal, control=replace(nominal.control, patient=Patient(mass=80.0, height=1.8)))
     worlds = list(draw_worlds(nominal, 16, seed=3, stream=0).values())
     ranges = draw_ranges(nominal)
@@ -313,7 +313,7 @@ def test_draws_are_in_their_ranges_and_the_device_receives_the_wearer() -> None:
 
 
 def test_draws_depend_on_seed_and_stream_only() -> None:
-    nominal = load_experiment("treadmill").experiment
+    nominal = load_experiment("treadmill_guided").experiment
     first = draw_worlds(nominal, 4, seed=3, stream=0)
     assert draw_worlds(nominal, 4, seed=3, stream=0) == first
     masses = {
@@ -502,7 +502,7 @@ SHORT = TuningSettings(generations=3, seed=4)
 
 
 def test_the_influential_parameters_are_optimised(bowl: Bowl) -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     messages: list[str] = []
     result = tune(experiment, TuningSettings(generations=12), report=messages.append)
     best = result.ranked[0].table["phases"]["swing_flexion"]
@@ -517,7 +517,7 @@ def test_the_influential_parameters_are_optimised(bowl: Bowl) -> None:
 
 @pytest.mark.parametrize("walks_before", [0, 2, 60, 130, 250])
 def test_a_stopped_tuning_has_no_result(bowl: Bowl, walks_before: int) -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     assert tune(experiment, SHORT, should_stop=lambda: bowl.walks >= walks_before) is None
 
 
@@ -537,7 +537,7 @@ def tune_noting_walks(
 
 
 def test_only_the_best_of_a_generation_are_simulated_in_the_other_cases(bowl: Bowl) -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     _, portions = tune_noting_walks(bowl, experiment, TuningSettings(generations=1))
     nominal, others = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
@@ -554,7 +554,7 @@ ROBUST = TuningSettings(robust=True, generations=40, population=12, draws=1, hel
 
 
 def test_a_robust_search_finds_the_optimum_from_elsewhere(bowl: Bowl) -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     for settings in (ROBUST, replace(ROBUST, scatter=0.3, seed=2)):
         best = tune(experiment, settings).ranked[0].table["phases"]["swing_flexion"]
         assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.5)
@@ -562,7 +562,7 @@ def test_a_robust_search_finds_the_optimum_from_elsewhere(bowl: Bowl) -> None:
 
 
 def test_a_robust_search_is_judged_in_worlds_that_it_has_not_seen(bowl: Bowl) -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     result, portions = tune_noting_walks(bowl, experiment, replace(ROBUST, generations=2))
     start, neighbours, steps, raced, *_, held_out = portions
     assert len(start) == 1 + ROBUST.draws
@@ -594,7 +594,7 @@ def test_a_start_that_falls_is_evolved_until_it_walks(bowl: Bowl) -> None:
 
 
 def test_numbers_of_the_experiment_are_searched_with_the_table(bowl: Bowl) -> None:
-    key, experiment = "scenario.support.damping_Ns_per_m", load_experiment("treadmill").experiment
+    key, experiment = "scenario.support.damping_Ns_per_m", load_experiment("treadmill_guided").experiment
     settings = replace(ROBUST, generations=2, also={key: (50.0, 90.0, 130.0)})
     result, portions = tune_noting_walks(bowl, experiment, settings)
     walked = {walk.scenario.support.damping for walks in portions for walk in walks}
@@ -603,7 +603,7 @@ def test_numbers_of_the_experiment_are_searched_with_the_table(bowl: Bowl) -> No
 
 
 def test_a_range_of_an_experiment_that_does_not_rise_is_rejected_by_its_key() -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     with raises(ParameterError, "scenario.support.damping_Ns_per_m", "130.0"):
         tune(experiment, replace(ROBUST, also={"scenario.support.damping_Ns_per_m": (130.0, 90.0, 50.0)}))
 
@@ -621,7 +621,7 @@ def test_a_robust_search_without_its_package_names_the_extra(monkeypatch: pytest
 
 
 def test_the_search_rejects_a_table_with_an_error(bowl: Bowl) -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages.walks, "quick_errors", lambda walked: ("unstable",))
         result = tune(experiment, TuningSettings(generations=2))

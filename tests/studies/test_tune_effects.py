@@ -57,7 +57,7 @@ def test_legs_tuned_separately_are_less_asymmetric_after_a_stroke() -> None:
     """Against the table that it began with, and against itself with the numbers of one leg for both."""
     shares = {}
     for name in (FIVE_PHASES, str(PER_SIDE)):
-        experiment = load_experiment("treadmill", [*TUNED_IN, f"table={name}"]).experiment
+        experiment = load_experiment("treadmill_guided", [*TUNED_IN, f"table={name}"]).experiment
         shares[name] = asymmetry(experiment)
     tuned = experiment.table
     for side in Side:
@@ -75,7 +75,7 @@ def asymmetry(experiment: Experiment) -> tuple[float, float]:
 @pytest.mark.parametrize("joint", ["hip", "knee"])
 def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -> None:
     """Mass ±10 % unknown to the device; joints with more or less friction; gears with higher losses."""
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     cases = build_cases(experiment, "robust")
     key = f"{joint}_error_deg"
     _, nominal = interval(parts[key] for parts in walked(cases["nominal"]))

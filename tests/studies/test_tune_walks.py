@@ -49,7 +49,7 @@ FALLS = (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
 
 @pytest.fixture(scope="module")
 def walk() -> Run:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     return simulate(replace(experiment, duration=12.0, engine=Engine.COMPILED))
 
 
@@ -166,7 +166,7 @@ def _mean_distance(walk: Run, side: Side, joint: str) -> float:
 
 
 def test_the_quick_rules_find_an_error_of_a_table() -> None:
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     assert quick_errors(experiment) == set()
     table = editable_document(experiment.table)
     # The knee can never be so far bent, and nothing else ends the phase.
@@ -182,7 +182,7 @@ def test_the_quick_rules_find_an_error_of_a_table() -> None:
 
 
 def test_walks_depend_neither_on_the_worker_nor_on_the_stored_columns() -> None:
-    experiment = replace(load_experiment("treadmill").experiment, duration=10.0)
+    experiment = replace(load_experiment("treadmill_guided").experiment, duration=10.0)
     cases = build_cases(experiment, "robust")
     walks = [cases[name] for name in ("nominal", "bus 23 V", "belt −10 %")]
     alone = [rate_walk(simulate(walk)) for walk in walks]
@@ -211,7 +211,7 @@ SETTINGS = TuningSettings(generations=1, search_duration=10.0, robust_duration=1
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tuning too short to find anything, whose table is the best candidate all the same."""
-    experiment = load_experiment("treadmill").experiment
+    experiment = load_experiment("treadmill_guided").experiment
     directory = tmp_path_factory.mktemp("tuned") / "out"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "FINALISTS", 1)
@@ -224,7 +224,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert tuning is not None
         tuning.ranked = [item for item in tuning.ranked if item.points is not None] or tuning.ranked
         written = result.write_tuning(tuning, directory, wearer="the default wearer")
-    assert written["experiment"] == "treadmill"
+    assert written["experiment"] == "treadmill_guided"
     return directory
 
 
@@ -249,13 +249,13 @@ def test_the_table_that_is_written_is_the_one_that_walked(
     folder: Path, tuning_document: dict[str, Any]
 ) -> None:
     settings = [f"table={folder / 'table.yaml'}", "duration_s=12", f"seed={SETTINGS.seed}"]
-    run = simulate(load_experiment("treadmill", settings).experiment)
+    run = simulate(load_experiment("treadmill_guided", settings).experiment)
     again = term_values(run)
     assert {part["name"]: part["after"] for part in tuning_document["parts"]} == again
 
 
 def test_the_table_passes_the_check(folder: Path, tuning_document: dict[str, Any]) -> None:
-    found = counts(check(load_case(folder / "table.yaml", "treadmill")))
+    found = counts(check(load_case(folder / "table.yaml", "treadmill_guided")))
     assert found["errors"] == 0
     assert {key: tuning_document["check"][key] for key in found} == found
 

@@ -41,7 +41,7 @@ def test_curves_and_torques_of_the_ankle_equal_the_log(walk: Run) -> None:
 
 
 def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
-    run = simulate(load_experiment("treadmill", ["duration_s=0.5"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=0.5"]).experiment)
     model = run.experiment.build_world().model
     assert "left_ankle_angle_rad" in run.log
     assert driven_joints(run.log, Side.LEFT) == (JointName.HIP, JointName.KNEE)
@@ -89,5 +89,5 @@ def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> 
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
     rows = [row[0] for row in walk_table(summarise_run(long))]
     assert [row for row in rows if row == "ankle motor power [W]"]
-    run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
+    run = simulate(load_experiment("treadmill_guided", ["duration_s=8"]).experiment)
     assert not [row[0] for row in walk_table(summarise_run(run)) if "ankle motor" in row[0]]

@@ -68,7 +68,7 @@ def runs(tmp_path_factory) -> dict[str, Path]:
         folder = tmp_path_factory.mktemp("runs") / name
         folder.mkdir()
         settings = [f"duration_s={duration}", "engine=pinocchio", f"scenario.support.share={share}"]
-        write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+        write_run(simulate(load_experiment("treadmill_guided", settings).experiment), folder, pictures=False)
         folders[name] = folder
     return folders
 
@@ -83,7 +83,7 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
         (folder / f"{name}.html").write_text(render_run_page(chosen), encoding="utf-8")
     settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
-    tripped = simulate(load_experiment("treadmill", settings).experiment)
+    tripped = simulate(load_experiment("treadmill_guided", settings).experiment)
     assert tripped.trip is not None
     card = {"title": "held", "events": tripped.events, "outcome": tripped.status, "walk": MEASURES}
     moments, model = [event.time for event in tripped.events], tripped.experiment.build_world().model
@@ -695,7 +695,7 @@ def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
 
 
 def test_two_walks_are_compared_by_per_cent_of_the_stride_without_drift(opened, tmp_path: Path) -> None:
-    walk = simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
+    walk = simulate(load_experiment("treadmill_guided", ["duration_s=9"]).experiment)
     slower = walk.log.iloc[np.round(np.arange(len(walk.log)) / 1.015).astype(int)].copy()
     slower["time_s"] = walk.log["time_s"].to_numpy()  # the same walk with strides 1.5 % longer
     summary = summarise_run(walk)

@@ -153,7 +153,7 @@ def tripped(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "tripped"
     folder.mkdir()
     settings = ["duration_s=3", "faults=[encoder_freeze:left_knee@1.0s]"]
-    write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+    write_run(simulate(load_experiment("treadmill_guided", settings).experiment), folder, pictures=False)
     return folder
 
 

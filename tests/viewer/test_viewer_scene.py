@@ -149,7 +149,7 @@ def test_meshes_fit_the_lengths_of_the_urdf(name: str) -> None:
 
 @pytest.mark.parametrize("height", [1.50, 1.75, 1.95])
 def test_soles_lie_where_heel_and_toe_of_the_wearer_are(height: float) -> None:
-    model = load_experiment("treadmill", [f"patient.height_m={height}"]).experiment.build_world().model
+    model = load_experiment("treadmill_guided", [f"patient.height_m={height}"]).experiment.build_world().model
     (sole,) = (
         part.shape.vertices
         for part in load_visuals(model.model, model.urdf_path)
@@ -576,7 +576,7 @@ def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt() ->
     marks, frame = (drawn[path][:, 0] for path in (f"{environment.BELT}/marks", f"{ROOT}/treadmill/frame"))
     # From an offset of one spacing backwards to none.
     assert marks.min() - environment.BELT_MARK_SPACING > frame.min() and marks.max() < frame.max()
-    walked = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)
+    walked = simulate(load_experiment("treadmill_guided", ["duration_s=5"]).experiment)
     model = walked.experiment.build_world().model
     heights = [
         model.frame_position(q, contact)[2]

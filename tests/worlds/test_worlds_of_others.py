@@ -133,7 +133,7 @@ def test_it_steps_with_both_legs_in_turn_and_slower_against_resistance(frame_wal
 def test_a_broken_world_is_named_in_one_line(source, facts, tmp_path, monkeypatch):
     broken(tmp_path, monkeypatch, source, "[twin_gait.worlds]\nmoon = moon_world:Moon\n")
     with pytest.raises(TwinGaitError) as caught:
-        load_experiment("treadmill", ["scenario.kind=moon"])
+        load_experiment("treadmill_guided", ["scenario.kind=moon"])
     text = str(caught.value)
     assert "\n" not in text
     assert states(text, "scenario.kind", "moon_world:Moon", "lab", *facts)
@@ -194,4 +194,4 @@ def test_a_broken_package_of_presets_is_named_and_shipped_presets_still_load(
 @pytest.mark.parametrize("kind", ["moon", "null", "5", "[treadmill]"])
 def test_an_unknown_world_lists_the_known_worlds(kind):
     with raises(TwinGaitError, "scenario.kind", *SHIPPED):
-        load_experiment("treadmill", [f"scenario.kind={kind}"])
+        load_experiment("treadmill_guided", [f"scenario.kind={kind}"])

@@ -79,13 +79,15 @@ def check_port(port: int) -> None:
         raise ParameterError(f"--port: expected 0 to 65535, got {port}")
 
 
-def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
+def add_experiment(
+    parser: argparse.ArgumentParser, *, seconds: str | None, default: str = "treadmill"
+) -> None:
     """Add the experiment, the options that change it, and ``--unchecked``.
 
     :func:`load_experiment` reads them. ``seconds`` is the text that states the duration of a run without
-    ``--duration``; None omits that option.
+    ``--duration``; None omits that option. ``default`` is the preset without an argument.
     """
-    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
+    parser.add_argument("experiment", nargs="?", default=default, help=f"preset or YAML file ({default})")
     add_settings(parser)
     text = "world: the scenario of a preset or of a YAML file"
     add_shorthand(parser, "--world", "NAME", "scenario", text, json.dumps)

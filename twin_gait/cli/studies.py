@@ -18,6 +18,7 @@ COMPARE_DURATION = 60.0
 # [s], duration of each run with a fault; the gait starts within 1 s, and a fault shows effects within 2 s.
 FAULT_DURATION = 8.0
 COMPARISONS = Path("compare")
+COMPARED_WALK = "treadmill_guided"  # walk on which every controller was tried; see docs/reference/compare.md
 # Options of a tuning that only the robust search has.
 ROBUST_ONLY = ("population", "draws", "held_out", "spread", "scatter", "also")
 NAMES = "table, position, assist_as_needed, twincare, policy, transparent, gravity, constant"
@@ -32,7 +33,7 @@ def add_parser(commands: Any) -> None:
     options.add(parser, "--unchecked", "--workers", "--scheduler", "--no-pictures", "--json")
 
     parser = options.add_command(commands, "compare", compare)
-    options.add_experiment(parser, seconds=f"{COMPARE_DURATION:g}")
+    options.add_experiment(parser, seconds=f"{COMPARE_DURATION:g}", default=COMPARED_WALK)
     text = "further folders with strides.csv: compares the strides of the first one and of these"
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER", help=text)
     text = f"names of controllers, separated by commas (all of {NAMES} that suit the experiment)"

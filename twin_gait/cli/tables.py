@@ -46,7 +46,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "replay", replay_walk)
     add = parser.add_argument
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
-    add("--table", metavar="T", help="packaged gait table or file (table of the run; treadmill)")
+    add("--table", metavar="T", help="packaged gait table or file (table of the run; treadmill_guided)")
     add("--convention", metavar="NAME", help="convention of the names and signs of the angles in the log")
     text = "names of columns, such as time=t,left_hip_angle=hip_l,left_phase=state; -NAME inverts the sign"
     add("--columns", default="", metavar="Q=NAME,…", help=text)

@@ -49,7 +49,7 @@ class EnvironmentOptions:
         dtype: Type of the observations; with ``numpy.float64`` they have the digits of the controller.
     """
 
-    experiment: str | Path | LoadedExperiment = "treadmill"
+    experiment: str | Path | LoadedExperiment = "treadmill_guided"
     action: Action = field(default_factory=TorqueAction)
     observations: Mapping[str, float | ObservationTerm] = field(default_factory=lambda: dict(MEASURED))
     rewards: Mapping[str, float] = field(default_factory=lambda: dict(DEFAULT_REWARDS))

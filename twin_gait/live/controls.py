@@ -30,7 +30,7 @@ from twin_gait.yaml12 import load_data
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
 # The largest stiffness is the one with which the spring alone reaches the torque limit at this deflection,
-# about the RMSE of the default walk (hip 3.5 deg, knee 5.9 deg); the largest damping is the one with which
+# about the RMSE of the guided walk (hip 3.5 deg, knee 5.9 deg); the largest damping is the one with which
 # the damper alone reaches it at this velocity, a tenth of the fastest knee in swing.
 SATURATING_DEFLECTION = 4.0 * _DEGREE  # [rad]
 SATURATING_VELOCITY = 0.5  # [rad/s]

@@ -160,7 +160,7 @@ class TrunkSensorParameters(quantities.Parameters):
         accelerometer_bias: Bias of the forward axis in [m/s²] (an assumption: 5 mg, as after a
             calibration at rest).
         time_constant: Time constant with which the pitch follows the accelerometer in [s] (an assumption:
-            with it the steps of the default walk on the floor cause an error of 0.8 deg, with 0.5 s one of 4
+            with it the steps of the walk on the floor cause an error of 0.8 deg, with 0.5 s one of 4
             deg; the bias of the gyroscope adds 0.3 deg).
     """
 

@@ -35,7 +35,9 @@ from twin_gait.vocabulary import Side
 
 OTHER_PHASE = f"{signals.OTHER}phase"
 Signals = dict[str, np.ndarray]  # signals by name in SI units, shape ``(n,)``
-DEFAULT_TABLE = "treadmill"
+# The thresholds of the table treadmill are for a trunk that pitches in straps, and slow healthy walking does
+# not reach them (docs/reference/replay.md).
+DEFAULT_TABLE = "treadmill_guided"
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +177,8 @@ def replay_log(
     """Replay a walk.
 
     ``log``: run directory, log file, or a walk from the literature such as ``koopman@1.5``. ``table``:
-    packaged table or file; the default is the table of the run, or ``treadmill``. ``log_format``: columns,
+    packaged table or file; the default is the table of the run, or
+    ``treadmill_guided``. ``log_format``: columns,
     units and signs of the log. ``speed``: speed of the belt in [m/s] to which the table is scaled; the
     default is the speed of the run, and without one the table is not scaled. ``mass``: mass of wearer and
     device in [kg], for guards on the load of the foot; the default is that of the run. Raises TwinGaitError

@@ -101,7 +101,7 @@ class Treadmill(SplitStance):
     fall_lean: FallLean = FALL_LEAN
     fall_height_share: FallShare = FALL_SHARE
     leading: Side = Side.LEFT
-    # Posture between two steps of the default walk; both feet reach the belt, and the first swings clear it.
+    # Posture between two steps of the guided walk; both feet reach the belt, and the first swings clear it.
     leading_angles: Annotated[Posture, Key("leading_start")] = posture_field(18.0, 10.0)
     trailing_angles: Annotated[Posture, Key("trailing_start")] = posture_field(-8.0, 11.0)
     leading_phase: str = "early_stance"
