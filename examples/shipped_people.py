@@ -11,7 +11,7 @@ times as stiff as the default ones. One minute; page: docs/background/people.md.
 from functools import partial
 
 import pandas as pd
-from cohorts.shipped import MASS_ALONE, PASSIVE_ALONE, brace_row, person_row
+from cohorts.shipped import MASS_ALONE, brace_row, person_row
 from gallery import read_options
 
 from twin_gait.configuration.experiments import list_patients
@@ -23,7 +23,7 @@ BRACE_FACTORS = (0.3, 0.5, 1.0, 3.0, 10.0)
 # %%
 if __name__ == "__main__":
     form = read_options("shipped_people")
-    people = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, PASSIVE_ALONE, *list_patients()]
+    people = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, *list_patients()]
     factors = (1.0,) if form.quick else BRACE_FACTORS
     long, short = (5.0, 5.0) if form.quick else (30.0, 20.0)
     with Workers(form.workers) as workers:

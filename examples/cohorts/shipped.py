@@ -9,16 +9,16 @@ from typing import Any
 from twin_gait import Experiment, JointName, Run, Side, load_experiment, simulate, summarise_run
 from twin_gait.parameters.environment import BraceParameters
 
-MASS_ALONE, PASSIVE_ALONE = "mass alone", "passive moments alone"
-PLAIN = {MASS_ALONE: (), PASSIVE_ALONE: ("patient.both={hip: {passive: 1}, knee: {passive: 1}}",)}
+MASS_ALONE = "mass alone"
 JOINTS = (JointName.HIP, JointName.KNEE)
 SUPPORTS = (0.6, 0.4)
 
 
 def experiment_of(name: str, support: float, duration: float) -> Experiment:
-    """Return the shipped walk with a shipped person, ``mass alone`` or ``passive moments alone``."""
+    """Return the guided walk with a shipped person, or with ``mass alone``."""
     settings = [f"scenario.support.share={support}", f"duration_s={duration}"]
-    return load_experiment("treadmill_guided", [*settings, *PLAIN.get(name, (f"patient={name}",))]).experiment
+    person = [] if name == MASS_ALONE else [f"patient={name}"]
+    return load_experiment("treadmill_guided", [*settings, *person]).experiment
 
 
 def wearer_peak(run: Run, joint: JointName) -> float:

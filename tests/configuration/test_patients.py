@@ -29,7 +29,7 @@ from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
 FOLDER = Path(str(files("twin_gait.configuration"))) / "patients"
-NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
+NAMES = ("complete_sci", "healthy", "incomplete_sci", "passive_body", "stroke_left", "stroke_right")
 
 
 def patient(*settings: str, source: str | Path = "treadmill_guided") -> Patient:
