@@ -22,8 +22,6 @@ from twin_gait.runs.summary import software_versions
 from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.tune.objective import (
-    ERROR_EXCESS_WEIGHT,
-    EXCESS,
     EXCESS_THRESHOLD,
     WORST,
     Rating,
@@ -128,7 +126,7 @@ def result_document(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, A
         "walk_s": settings.robust_duration,
         "worst_cost": WORST,
         "nominal_weight": NOMINAL_WEIGHT,
-        "excess": {"aim": EXCESS_THRESHOLD, "weight": EXCESS, "weight_of_errors": ERROR_EXCESS_WEIGHT},
+        "excess": {"aim": EXCESS_THRESHOLD},
         "cost": {"before": before.cost, "after": after.cost},
         "robust_set": [
             {"case": name, "before": _walk(before.walks[name], number), "after": _walk(walk, number)}
