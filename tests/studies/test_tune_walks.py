@@ -301,7 +301,7 @@ def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
     assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
     for title in TITLES:
         assert title in page.text
-    assert "6 × (value / goal − 0.9)² more, and the error of a driven joint" in " ".join(page.text.split())
+    assert "its weight of the excess × (value / goal − 0.9)² more." in " ".join(page.text.split())
     assert "Not a medical device" in page.text
     assert "nan" not in page.text.lower()
 
