@@ -453,7 +453,6 @@ SLOW_CASES = (
     "treadmill in braces, rk4",
     "treadmill, a path and adaptive help",
     "treadmill that starts",
-    "treadmill with a wearer who acts, under faults",
     "a free trunk by an inertial unit, on crutches",
 )
 TRIED = [

@@ -238,7 +238,7 @@ def test_device_that_lacks_the_phase_of_the_start_says_where_it_starts(one_knee:
 
 
 def test_own_gait_walks_on_a_treadmill_only() -> None:
-    with raises((ParameterError, ParameterFileError), "own_gait", "null", "treadmill_guided"):
+    with raises((ParameterError, ParameterFileError), "own_gait", "null", "treadmill"):
         experiment_of("overground", "device=ak80_9_hip", "table=hip_exoskeleton", "own_gait=own_gait")
 
 

@@ -11,5 +11,5 @@ from twin_gait.learn.environment import register
 
 register("twin_gait/Gait-v0", {})
 # Shipped policies and benchmark were made with the guided walk, which simulates faster than one in braces.
-register("twin_gait/Treadmill-v0", {"experiment": "treadmill_guided"})
-register("twin_gait/Overground-v0", {"experiment": "overground"})
+for _world, _preset in (("treadmill", "treadmill_guided"), ("overground", "overground")):
+    register(f"twin_gait/{_world.capitalize()}-v0", {"experiment": _preset})
